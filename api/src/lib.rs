@@ -3,6 +3,7 @@
 //! Every type serialises to the JSON that `api.md` and `/openapi.json` describe. Clients ignore unknown fields of responses; the server refuses
 //! unknown fields of requests.
 
+pub mod ask;
 pub mod checkpoint;
 pub mod design;
 pub mod event;

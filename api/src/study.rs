@@ -42,6 +42,16 @@ words!(
     }
 );
 
+words!(
+    /// Who runs the proposals of a study.
+    Driver {
+        /// The server: proposals become jobs by themselves.
+        Server = "server",
+        /// Clients: they ask for runs, or for jobs at points of their own.
+        Client = "client",
+    }
+);
+
 /// A submitted study.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
@@ -65,6 +75,9 @@ pub struct StudySpec {
     /// Sweeps whose finished runs it begins with. The runs are copied, and the budget does not count them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub seeded_by: Vec<SweepId>,
+    /// Who runs its proposals: the `server` by jobs, or a `client` that asks for them.
+    #[serde(default = "server")]
+    pub driver: Driver,
     /// Jobs of higher priority are claimed first. Values outside -100 to 100 need a token with the scope `admin`.
     #[serde(default)]
     pub priority: i32,
@@ -81,6 +94,10 @@ pub struct StudySpec {
     /// Whether cached results may be used.
     #[serde(default = "crate::job::default_cache")]
     pub cache: Cache,
+}
+
+fn server() -> Driver {
+    Driver::Server
 }
 
 /// Limits of the number of runs of a study.
@@ -136,11 +153,11 @@ pub struct StudyRuns {
     pub failed: u64,
     /// Cancelled.
     pub cancelled: u64,
-    /// Queued or running.
+    /// Queued, running, or handed out to clients.
     pub pending: u64,
     /// The budget.
     pub max_runs: u64,
-    /// Ended runs that the budget does not count: those of the sweeps that it began with.
+    /// Ended runs that the budget does not count: those of the sweeps that it began with, and those at points of clients.
     #[serde(default)]
     pub outside_budget: u64,
 }

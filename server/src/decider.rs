@@ -10,7 +10,7 @@ use std::time::Duration;
 use futures_util::StreamExt;
 use futures_util::stream;
 use roost_api::ids::SweepId;
-use roost_api::study::StudyState;
+use roost_api::study::{Driver, StudyState};
 use roost_api::sweep::StateCounts;
 
 use crate::state::App;
@@ -59,13 +59,17 @@ struct Tally {
     /// Queued jobs that are not paused.
     waiting: u64,
     max_runs: u32,
-    /// Changes of its ranges.
+    /// Changes of its ranges and of its runs that are no jobs.
     news: i64,
+    driver: Driver,
 }
 
 impl Tally {
     /// Number of runs to propose: as many as run now shall wait. More would be chosen without the results of those that run.
     fn wanted(&self) -> usize {
+        if self.driver == Driver::Client {
+            return 0;
+        }
         let (waiting, running) = (self.waiting as usize, self.counts.running as usize);
         running.max(MIN_QUEUED).saturating_sub(waiting).min(MAX_PROPOSALS)
     }
@@ -81,6 +85,7 @@ impl Tally {
 }
 
 async fn decide_about_all(app: &App, seen: &mut HashMap<SweepId, Tally>) -> Result<(), StoreError> {
+    app.store.expire_handed_out(app.clock.now()).await?;
     let running = app.store.running_studies().await?;
     seen.retain(|id, _| running.contains(id));
     let decisions = running.into_iter().map(|id| {
@@ -104,7 +109,8 @@ async fn decide_about_all(app: &App, seen: &mut HashMap<SweepId, Tally>) -> Resu
 async fn decide(app: &App, id: SweepId, before: Option<Tally>) -> Result<Option<Tally>, StoreError> {
     let Some(stored) = app.store.study(id).await? else { return Ok(None) };
     let (counts, waiting) = app.store.study_counts(id).await?;
-    let tally = Tally { counts, waiting, max_runs: stored.max_runs, news: stored.news };
+    let tally =
+        Tally { counts, waiting, max_runs: stored.max_runs, news: stored.news, driver: stored.driver };
     if before.is_some_and(|before| !tally.is_news_after(&before)) {
         return Ok(before);
     }
@@ -125,7 +131,9 @@ async fn decide(app: &App, id: SweepId, before: Option<Tally>) -> Result<Option<
         Err(error) => return pause(app, id, &error.to_string()).await,
     };
     let (count, finished) = (decided.trials.len(), decided.finished);
-    let is_stored = app.store.store_decision(&stored, &sweep, decided, app.clock.now()).await?;
+    let now = app.clock.now();
+    let made = app.store.store_decision(&stored, &sweep, decided, (Vec::new(), now), now).await?;
+    let is_stored = made.is_some();
     if is_stored && count > 0 {
         app.work.notify_waiters();
     }

@@ -67,6 +67,17 @@ pub(super) fn smaller_budget(file: &Path, wanted: u64, present: u64) -> BadInput
     input::faults_error(file, &[fault])
 }
 
+/// An error for a question whose runs are made by clients: there are none without a server.
+pub(super) fn client_driver(file: &Path) -> BadInput {
+    let fault = Fault {
+        pointer: "/driver".to_owned(),
+        value: "client".into(),
+        detail: "clients ask a server for runs: use `roost study submit`".to_owned(),
+        allowed: Some("server".to_owned()),
+    };
+    input::faults_error(file, &[fault])
+}
+
 /// The fields in which a question differs from the folder's.
 fn changes(known: &Value, question: &Value) -> Vec<Fault> {
     let mut found = Vec::new();

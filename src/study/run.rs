@@ -10,7 +10,7 @@ use roost_worker::client::Client;
 use tokio_util::sync::CancellationToken;
 
 use super::answer::{self, write_file};
-use super::folder::{Folder, smaller_budget};
+use super::folder::{Folder, client_driver, smaller_budget};
 use super::{follow, show, submit};
 use crate::farm::Farm;
 use crate::meshes::Resolved;
@@ -83,6 +83,9 @@ impl Asked {
     /// The study of the folder, with the budget in the file. It is submitted if there is none.
     async fn begin(&self, client: &Client) -> Result<StudyView> {
         let question = &self.resolved.document;
+        if question["driver"] == "client" {
+            return Err(client_driver(&self.file).into());
+        }
         let Some(study) = client.studies(None, 1).await?.items.pop() else {
             self.folder.store(question)?;
             // A repeat of a submission whose answer was lost creates no second study.

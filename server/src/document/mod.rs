@@ -14,6 +14,7 @@ mod tests;
 use std::sync::LazyLock;
 
 use roost_api::Fault;
+use roost_api::ask::{Ask, Tell};
 use roost_api::design::Extension;
 use roost_api::job::JobEnvelope;
 use roost_api::lease::{ClaimRequest, FailureReport, HeartbeatRequest, ResultDelivery};
@@ -51,6 +52,7 @@ macro_rules! document_types {
 }
 
 document_types!(
+    Ask,
     BudgetChange,
     ClaimRequest,
     Extension,
@@ -61,6 +63,7 @@ document_types!(
     ResultDelivery,
     StudySpec,
     SweepSpec,
+    Tell,
     WorkerRegistration,
 );
 
@@ -89,6 +92,19 @@ pub(crate) fn read_leniently<T: DocumentType>(value: Value) -> (Option<T>, Vec<F
             (None, faults)
         }
     }
+}
+
+/// Adds the faults of the content of a leniently read document to those of its shape, where the shape has none.
+pub(crate) fn with_content_faults(mut listed: Vec<Fault>, found: Vec<Fault>) -> Vec<Fault> {
+    let is_listed = |fault: &Fault| {
+        let touches = |other: &Fault| {
+            is_within(&fault.pointer, &other.pointer) || is_within(&other.pointer, &fault.pointer)
+        };
+        listed.iter().any(touches)
+    };
+    let found: Vec<Fault> = found.into_iter().filter(|fault| !is_listed(fault)).collect();
+    listed.extend(found);
+    listed
 }
 
 /// Reads a valid document without building it as JSON first, or nothing: `read_document` lists its faults.

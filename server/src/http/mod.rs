@@ -1,6 +1,7 @@
 //! The HTTP API: a file per resource. This file has the list of routes.
 
 mod access;
+mod asks;
 mod attempts;
 mod audit;
 mod blocking;
@@ -102,7 +103,8 @@ fn routes(
         .routes(routes!(jobs::submit))
         .routes(routes!(sweeps::submit))
         .routes(routes!(sweeps::extend))
-        .routes(routes!(studies::submit));
+        .routes(routes!(studies::submit))
+        .routes(routes!(asks::ask));
     let submissions = made_once(submissions).layer(small);
     let users = OpenApiRouter::new()
         .routes(routes!(jobs::list))
@@ -133,6 +135,8 @@ fn routes(
         .routes(routes!(studies::cancel))
         .routes(routes!(studies::budget))
         .routes(routes!(studies::ranges))
+        .routes(routes!(asks::list))
+        .routes(routes!(asks::tell))
         .routes(routes!(results::effects))
         .routes(routes!(results::differences))
         .routes(routes!(series::of_sweep))

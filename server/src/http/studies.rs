@@ -7,7 +7,9 @@ use axum::response::Response;
 use roost_api::ids::SweepId;
 use roost_api::page::Page;
 use roost_api::problem::Problem;
-use roost_api::study::{BudgetChange, RangeChange, StudyAnswer, StudyRuns, StudySpec, StudyState, StudyView};
+use roost_api::study::{
+    BudgetChange, Driver, RangeChange, StudyAnswer, StudyRuns, StudySpec, StudyState, StudyView,
+};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use utoipa::IntoParams;
@@ -61,8 +63,9 @@ async fn create(app: &App, id: SweepId, caller: Caller, document: Value) -> Resu
     let runs = seeding::runs(app, &study.spec.seeded_by).await?;
     let decided = run_blocking(move || {
         let mut study = study;
+        let wanted = if study.spec.driver == Driver::Client { 0 } else { MIN_QUEUED };
         let copies = seeding::copy(&mut study, runs).map_err(ApiError::faults)?;
-        let first = study.decide(&[], &copies, MIN_QUEUED);
+        let first = study.decide(&[], &copies, wanted);
         let first = first.map_err(|faults| ApiError::faults(prefixed("/base", faults)))?;
         let (sweep, factors) = (study.sweep_spec(), study.factor_names());
         let question = study.question_sentence();
@@ -271,11 +274,11 @@ pub(crate) async fn ranges(
     view_of(&app, id).await.map(Json)
 }
 
-async fn stored(app: &App, id: SweepId) -> Result<StoredStudy, ApiError> {
+pub(super) async fn stored(app: &App, id: SweepId) -> Result<StoredStudy, ApiError> {
     Ok(app.store.study(id).await?.ok_or(Refusal::NoStudy)?)
 }
 
-async fn view_of(app: &App, id: SweepId) -> Result<StudyView, ApiError> {
+pub(super) async fn view_of(app: &App, id: SweepId) -> Result<StudyView, ApiError> {
     view(app, &stored(app, id).await?).await
 }
 
@@ -283,7 +286,9 @@ async fn view(app: &App, stored: &StoredStudy) -> Result<StudyView, ApiError> {
     let sweep = app.store.sweep(stored.id).await?.ok_or(Refusal::NoStudy)?;
     let counts = sweep.counts;
     let mut answer = stored.sentences.clone();
-    answer.push(sentences::state(stored.state, stored.finished, stored.max_runs, stored.reason.as_deref()));
+    let state = (stored.state, stored.driver);
+    answer.push(sentences::state(state, stored.finished, stored.max_runs, stored.reason.as_deref()));
+    let observed = app.store.observed(stored.id).await?;
     Ok(StudyView {
         id: stored.id,
         name: sweep.name,
@@ -293,12 +298,12 @@ async fn view(app: &App, stored: &StoredStudy) -> Result<StudyView, ApiError> {
         answer,
         factors: sweep.factors,
         runs: StudyRuns {
-            done: counts.succeeded,
-            failed: counts.failed,
+            done: counts.succeeded + observed.done,
+            failed: counts.failed + observed.failed,
             cancelled: counts.cancelled,
-            pending: counts.queued + counts.running,
+            pending: counts.queued + counts.running + observed.handed_out,
             max_runs: u64::from(stored.max_runs),
-            outside_budget: app.store.runs_outside_budget(stored.id).await?,
+            outside_budget: observed.outside_budget,
         },
         points: u64::from(sweep.points),
         submitted_at: stored.submitted_at,

@@ -69,6 +69,7 @@ pub(crate) use heartbeats::Beat;
 pub(crate) use jobs::JobFilter;
 use migrations::migrator;
 pub(crate) use objects::{StageError, Staged};
+pub(crate) use observations::{Conflict, HandedOutRun};
 pub(crate) use studies::{MAX_PROPOSALS, NewStudy, StoredStudy};
 pub(crate) use submissions::{StoredResponse, Submission, SubmissionState};
 pub(crate) use submit::{NewJob, NewSweep};

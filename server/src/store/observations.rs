@@ -1,5 +1,7 @@
 //! Observations: the runs of a study that are no jobs of its own.
 
+use std::collections::BTreeSet;
+
 use roost_api::ids::SweepId;
 use roost_api::time::Timestamp;
 use roost_design::Outcome;
@@ -10,7 +12,40 @@ use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 use super::columns::{Columns, corrupt, from_json, to_json};
 use super::writer::SLICE;
 use super::{Store, StoreError};
-use crate::study::{Observation, Source, SweepRun};
+use crate::study::{HandOut, Observation, Source, SweepRun, ToldOutcome, ToldRun};
+
+/// Maximum number of runs in the list of those that were handed out.
+const MAX_LISTED: u32 = 1000;
+
+/// Numbers of the observations of a study.
+pub(crate) struct Observed {
+    /// Runs that were handed out and have responses.
+    pub(crate) done: u64,
+    /// Runs that were handed out and have failed.
+    pub(crate) failed: u64,
+    /// Runs that await their outcome.
+    pub(crate) handed_out: u64,
+    /// Runs that the budget does not count.
+    pub(crate) outside_budget: u64,
+}
+
+/// A run that was handed out.
+pub(crate) struct HandedOutRun {
+    /// Its number within the study.
+    pub(crate) number: u64,
+    /// The run.
+    pub(crate) run: HandOut,
+    /// When it may be handed out again.
+    pub(crate) expires_at: Timestamp,
+}
+
+/// A told outcome of a run that has another one.
+pub(crate) struct Conflict {
+    /// Its place in the request.
+    pub(crate) index: usize,
+    /// The outcome that the run has.
+    pub(crate) known: String,
+}
 
 impl Store {
     /// The observations of a study that are evidence.
@@ -21,10 +56,112 @@ impl Store {
         rows.iter().map(observation).collect()
     }
 
-    /// Number of ended runs of a study that its budget does not count.
-    pub(crate) async fn runs_outside_budget(&self, id: SweepId) -> Result<u64, StoreError> {
-        let sql = "SELECT count(*) AS runs FROM observations WHERE study_id = ? AND source = 'sweep'";
-        sqlx::query(sql).bind(id.to_string()).fetch_one(&self.readers).await?.number("runs")
+    /// Numbers of the observations of a study.
+    pub(crate) async fn observed(&self, id: SweepId) -> Result<Observed, StoreError> {
+        // A run that was given back and handed out again counts once.
+        let sql = "SELECT count(DISTINCT levels || seed) FILTER (WHERE source = 'asked' AND state = 'done') AS done,
+                       count(DISTINCT levels || seed) FILTER (WHERE source = 'asked' AND state = 'failed') AS failed,
+                       count(*) FILTER (WHERE state = 'handed_out') AS handed_out,
+                       count(*) FILTER (WHERE source <> 'asked') AS outside_budget
+                   FROM observations WHERE study_id = ?";
+        let row = sqlx::query(sql).bind(id.to_string()).fetch_one(&self.readers).await?;
+        Ok(Observed {
+            done: row.number("done")?,
+            failed: row.number("failed")?,
+            handed_out: row.number("handed_out")?,
+            outside_budget: row.number("outside_budget")?,
+        })
+    }
+
+    /// The runs of a study that were handed out and await their outcome, at most [`MAX_LISTED`].
+    pub(crate) async fn handed_out_runs(&self, id: SweepId) -> Result<Vec<HandedOutRun>, StoreError> {
+        let sql = "SELECT number, levels, replicate, seed, expires_at FROM observations
+                   WHERE study_id = ? AND state = 'handed_out' ORDER BY number LIMIT ?";
+        let rows = sqlx::query(sql).bind(id.to_string()).bind(MAX_LISTED).fetch_all(&self.readers).await?;
+        let run = |row: &SqliteRow| {
+            let (levels, replicate, seed) =
+                (row.json("levels")?, row.number("replicate")?, row.number("seed")?);
+            let run = HandOut { levels, replicate, seed };
+            Ok(HandedOutRun { number: row.number("number")?, run, expires_at: row.moment("expires_at")? })
+        };
+        rows.iter().map(run).collect()
+    }
+
+    /// The numbers of all runs of a study that were ever handed out.
+    pub(crate) async fn numbers_handed_out(&self, id: SweepId) -> Result<BTreeSet<u64>, StoreError> {
+        let sql = "SELECT number FROM observations WHERE study_id = ? AND source = 'asked'";
+        let rows = sqlx::query(sql).bind(id.to_string()).fetch_all(&self.readers).await?;
+        rows.iter().map(|row| row.number("number")).collect()
+    }
+
+    /// Marks the runs that have waited for their outcome for too long: they are no evidence, and may be handed out again.
+    pub(crate) async fn expire_handed_out(&self, now: Timestamp) -> Result<(), StoreError> {
+        let sql = "SELECT EXISTS (SELECT 1 FROM observations WHERE state = 'handed_out' AND expires_at <= ?)";
+        if !sqlx::query_scalar::<_, bool>(sql).bind(now.0).fetch_one(&self.readers).await? {
+            return Ok(());
+        }
+        self.writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    let sql = "UPDATE studies SET news = news + 1, changes = changes + 1 WHERE sweep_id IN
+                                   (SELECT study_id FROM observations WHERE state = 'handed_out' AND expires_at <= ?)";
+                    sqlx::query(sql).bind(now.0).execute(&mut *tx).await?;
+                    let sql = "UPDATE observations SET state = 'expired' WHERE state = 'handed_out' AND expires_at <= ?";
+                    sqlx::query(sql).bind(now.0).execute(&mut *tx).await?;
+                    Ok(())
+                })
+            })
+            .await
+    }
+
+    /// Records outcomes, and returns how many are new and how many were known. When a run has another outcome already, all such runs
+    /// are returned and nothing is recorded. A finished study decides once more.
+    pub(crate) async fn tell(
+        &self,
+        id: SweepId,
+        outcomes: Vec<(ToldRun, ToldOutcome)>,
+        now: Timestamp,
+    ) -> Result<Result<(u64, u64), Vec<Conflict>>, StoreError> {
+        self.writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    let (mut conflicts, mut new) = (Vec::new(), Vec::new());
+                    for (index, (run, outcome)) in outcomes.iter().enumerate() {
+                        let known = known_run(tx, id, run).await?;
+                        let is_open = |state: &str| ["handed_out", "given_back", "expired"].contains(&state);
+                        let (state, responses) = words(outcome)?;
+                        match known {
+                            None => new.push((None, run, state, responses)),
+                            Some(known) if is_open(&known.state) => {
+                                if state != "given_back" || known.state == "handed_out" {
+                                    new.push((Some(known.number), run, state, responses));
+                                }
+                            }
+                            Some(known) if known.state == state && known.responses == responses => {}
+                            Some(known) => {
+                                let known = known.responses.unwrap_or(known.state);
+                                conflicts.push(Conflict { index, known });
+                            }
+                        }
+                    }
+                    if !conflicts.is_empty() {
+                        return Ok(Err(conflicts));
+                    }
+                    let counts = (new.len() as u64, (outcomes.len() - new.len()) as u64);
+                    for (number, run, state, responses) in new {
+                        record(tx, id, (number, run), (state, responses), now).await?;
+                    }
+                    if counts.0 > 0 {
+                        let sql =
+                            "UPDATE studies SET news = news + 1, changes = changes + 1, finished = NULL,
+                                       state = CASE state WHEN 'finished' THEN 'running' ELSE state END
+                                   WHERE sweep_id = ? AND state <> 'cancelled'";
+                        sqlx::query(sql).bind(id.to_string()).execute(&mut *tx).await?;
+                    }
+                    Ok(Ok(counts))
+                })
+            })
+            .await
     }
 
     /// The runs of a sweep that have a result, for a study that begins with them.
@@ -48,6 +185,8 @@ fn observation(row: &SqliteRow) -> Result<Observation, StoreError> {
     let source: String = row.column("source")?;
     let source = match source.as_str() {
         "sweep" => Source::Sweep(row.parsed("origin")?),
+        "asked" => Source::Asked,
+        "client" => Source::Client,
         other => return Err(corrupt("source", format!("unknown word {other}"))),
     };
     let state: String = row.column("state")?;
@@ -65,6 +204,117 @@ fn observation(row: &SqliteRow) -> Result<Observation, StoreError> {
     })
 }
 
+/// A stored run that a client tells about.
+struct KnownRun {
+    number: i64,
+    state: String,
+    responses: Option<String>,
+}
+
+async fn known_run(
+    tx: &mut SqliteConnection,
+    id: SweepId,
+    run: &ToldRun,
+) -> Result<Option<KnownRun>, StoreError> {
+    let row = match run {
+        ToldRun::HandedOut(number) => {
+            let sql = "SELECT number, state, responses FROM observations WHERE study_id = ? AND number = ?";
+            sqlx::query(sql).bind(id.to_string()).bind(*number as i64).fetch_optional(&mut *tx).await?
+        }
+        ToldRun::Own { levels, seed } => {
+            let sql = "SELECT number, state, responses FROM observations
+                       WHERE study_id = ? AND source = 'client' AND levels = ? AND seed = ?";
+            let query = sqlx::query(sql).bind(id.to_string()).bind(levels).bind(*seed as i64);
+            query.fetch_optional(&mut *tx).await?
+        }
+    };
+    let known = |row: SqliteRow| {
+        let (number, state) = (row.column("number")?, row.column("state")?);
+        Ok(KnownRun { number, state, responses: row.column("responses")? })
+    };
+    row.map(known).transpose()
+}
+
+/// The state of an outcome, and its responses as JSON.
+fn words(outcome: &ToldOutcome) -> Result<(&'static str, Option<String>), StoreError> {
+    Ok(match outcome {
+        ToldOutcome::Done(responses) => ("done", Some(to_json("responses", responses)?)),
+        ToldOutcome::Failed => ("failed", None),
+        ToldOutcome::GivenBack => ("given_back", None),
+    })
+}
+
+/// Records the outcome of a run: of a stored one, or of a new one at a point of a client.
+async fn record(
+    tx: &mut SqliteConnection,
+    id: SweepId,
+    (number, run): (Option<i64>, &ToldRun),
+    (state, responses): (&'static str, Option<String>),
+    now: Timestamp,
+) -> Result<(), StoreError> {
+    let (number, (levels, seed)) = match (number, run) {
+        (None, ToldRun::Own { levels, seed }) => {
+            (next_number(tx, id).await?, (levels.as_str(), *seed as i64))
+        }
+        // Not stored: a number that was handed out is a stored row.
+        (None, ToldRun::HandedOut(_)) => return Ok(()),
+        (Some(number), _) => {
+            let sql = "UPDATE observations SET state = ?, responses = ?, recorded_at = ?
+                       WHERE study_id = ? AND number = ?";
+            let query = sqlx::query(sql).bind(state).bind(responses).bind(now.0);
+            query.bind(id.to_string()).bind(number).execute(&mut *tx).await?;
+            return Ok(());
+        }
+    };
+    let sql = "INSERT INTO observations (study_id, number, source, state, levels, replicate, seed, responses, recorded_at)
+               VALUES (?, ?, 'client', ?, ?, 0, ?, ?, ?)";
+    sqlx::query(sql)
+        .bind(id.to_string())
+        .bind(number)
+        .bind(state)
+        .bind(levels)
+        .bind(seed)
+        .bind(responses)
+        .bind(now.0)
+        .execute(&mut *tx)
+        .await?;
+    Ok(())
+}
+
+/// The first free number of a study.
+async fn next_number(tx: &mut SqliteConnection, id: SweepId) -> Result<i64, StoreError> {
+    let sql = "SELECT coalesce(max(number), 0) + 1 FROM observations WHERE study_id = ?";
+    Ok(sqlx::query_scalar(sql).bind(id.to_string()).fetch_one(&mut *tx).await?)
+}
+
+/// Hands out runs of a study.
+pub(super) async fn hand_out(
+    tx: &mut SqliteConnection,
+    id: SweepId,
+    runs: Vec<HandOut>,
+    (now, expires_at): (Timestamp, Timestamp),
+) -> Result<Vec<HandedOutRun>, StoreError> {
+    let mut handed_out = Vec::with_capacity(runs.len());
+    for run in runs {
+        let number = next_number(tx, id).await?;
+        let sql = "INSERT INTO observations
+                       (study_id, number, source, state, levels, replicate, seed, handed_out_at, expires_at)
+                   VALUES (?, ?, 'asked', 'handed_out', ?, ?, ?, ?, ?)";
+        sqlx::query(sql)
+            .bind(id.to_string())
+            .bind(number)
+            .bind(to_json("levels", &run.levels)?)
+            .bind(run.replicate)
+            .bind(run.seed as i64)
+            .bind(now.0)
+            .bind(expires_at.0)
+            .execute(&mut *tx)
+            .await?;
+        handed_out.push(HandedOutRun { number: number as u64, run, expires_at });
+    }
+    Ok(handed_out)
+}
+
 /// Stores the copied runs of a new study.
 pub(super) async fn insert_copies(
     tx: &mut SqliteConnection,
@@ -73,7 +323,9 @@ pub(super) async fn insert_copies(
     now: Timestamp,
 ) -> Result<(), StoreError> {
     let row = |copy: &Observation| {
-        let Source::Sweep(origin) = copy.source;
+        let Source::Sweep(origin) = copy.source else {
+            return Err(corrupt("source", "no copy of a run"));
+        };
         let Outcome::Responses(responses) = &copy.outcome else {
             return Err(corrupt("outcome", "no result"));
         };

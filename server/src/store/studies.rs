@@ -1,8 +1,8 @@
 //! Studies: the question and newest answer beside the sweep that they grow.
 
-use roost_api::ids::SweepId;
+use roost_api::ids::{JobId, SweepId};
 use roost_api::job::JobState;
-use roost_api::study::{SeedingSweep, StudyEnd, StudySpec, StudyState};
+use roost_api::study::{Driver, SeedingSweep, StudyEnd, StudySpec, StudyState};
 use roost_api::sweep::{StateCounts, SweepSpec};
 use roost_api::time::Timestamp;
 use roost_design::goals::FIRST_CONFIRMATION;
@@ -12,11 +12,11 @@ use sqlx::{AssertSqlSafe, SqliteConnection};
 
 use super::columns::{Columns, from_json, to_json};
 use super::job_rows::{JobOptions, JobRow, queue_start};
-use super::observations::insert_copies;
+use super::observations::{HandedOutRun, hand_out, insert_copies};
 use super::submit::{insert_study_sweep, queue_jobs};
 use super::writer::SLICE;
 use super::{Store, StoreError};
-use crate::study::{Decided, Observation, Present, Ranges};
+use crate::study::{Decided, HandOut, Observation, Present, Ranges};
 
 /// Maximum number of runs that one decision proposes: they are one transaction.
 pub(crate) const MAX_PROPOSALS: usize = SLICE;
@@ -52,8 +52,10 @@ pub(crate) struct StoredStudy {
     ranges: Option<Ranges>,
     /// Number of attempts at a confirmation before the ranges grew.
     past_attempts: u32,
-    /// Number of changes of its ranges.
+    /// Number of changes of its ranges and observations.
     pub(crate) news: i64,
+    /// Who runs its proposals.
+    pub(crate) driver: Driver,
     /// The sweeps that it began with.
     pub(crate) seeding: Vec<SeedingSweep>,
     /// Row of its sweep: listings go from the newest to the oldest.
@@ -80,13 +82,21 @@ pub(crate) struct NewStudy {
     pub(crate) token: String,
 }
 
+/// The runs of a decision.
+pub(crate) struct MadeRuns {
+    /// Its jobs.
+    pub(crate) jobs: Vec<JobId>,
+    /// Its runs for a client.
+    pub(crate) runs: Vec<HandedOutRun>,
+}
+
 /// The jobs of a decision about a study.
 fn rows(decided: &Decided, id: SweepId) -> Result<Vec<JobRow>, StoreError> {
     decided.trials.iter().map(|trial| JobRow::of(trial, id)).collect()
 }
 
 const COLUMNS: &str = "SELECT w.seq, w.submitted_at, s.sweep_id, s.spec, s.question, s.max_runs, s.state, s.reason, s.finished, s.decisions, s.answer,
-        s.sentences, s.answered_at, s.token_id, s.seeding, s.ranges, s.past_attempts, s.news
+        s.sentences, s.answered_at, s.token_id, s.seeding, s.ranges, s.past_attempts, s.news, s.driver
     FROM studies s JOIN sweeps w ON w.id = s.sweep_id AND w.state = 'ready'";
 
 impl StoredStudy {
@@ -122,8 +132,8 @@ impl Store {
                     if !insert_study_sweep(tx, id, &sweep, (&factors, first.points), now).await? {
                         return Ok(());
                     }
-                    let sql = "INSERT INTO studies (sweep_id, spec, question, max_runs, token_id, decisions, answer, sentences, answered_at, seeding)
-                               VALUES (?, ?, ?, ?, ?, 1, ?, ?, ?, ?)";
+                    let sql = "INSERT INTO studies (sweep_id, spec, question, max_runs, token_id, decisions, answer, sentences, answered_at, seeding, driver)
+                               VALUES (?, ?, ?, ?, ?, 1, ?, ?, ?, ?, ?)";
                     sqlx::query(sql)
                         .bind(id.to_string())
                         .bind(text)
@@ -134,6 +144,7 @@ impl Store {
                         .bind(sentences)
                         .bind(now.0)
                         .bind(seeding)
+                        .bind(spec.driver.as_str())
                         .execute(&mut *tx)
                         .await?;
                     insert_copies(tx, id, &copies, now).await?;
@@ -196,14 +207,16 @@ impl Store {
         Ok((counts, waiting))
     }
 
-    /// Stores a decision about a study: its runs become jobs. Returns false, and changes nothing, when the study has changed since.
+    /// Stores a decision about a study: its runs become jobs, and others are handed out until a time. Returns none, and changes nothing,
+    /// when the study has changed since.
     pub(crate) async fn store_decision(
         &self,
         study: &StoredStudy,
         sweep: &SweepSpec,
         decision: Decided,
+        (runs, expires_at): (Vec<HandOut>, Timestamp),
         now: Timestamp,
-    ) -> Result<bool, StoreError> {
+    ) -> Result<Option<MadeRuns>, StoreError> {
         let (id, decisions, max_runs) = (study.id, study.decisions, study.max_runs);
         let options = JobOptions::of(sweep, study.token.clone())?;
         let rows =
@@ -231,10 +244,11 @@ impl Store {
                         .await?
                         .rows_affected();
                     if stored == 0 {
-                        return Ok(false);
+                        return Ok(None);
                     }
                     add_runs(tx, id, (&rows, decision.points, decision.replicates), &options, now).await?;
-                    Ok(true)
+                    let runs = hand_out(tx, id, runs, (now, expires_at)).await?;
+                    Ok(Some(MadeRuns { jobs: rows.iter().map(|row| row.id).collect(), runs }))
                 })
             })
             .await
@@ -364,6 +378,7 @@ fn stored(row: &SqliteRow) -> Result<StoredStudy, StoreError> {
         ranges: row.json("ranges")?,
         past_attempts: row.number("past_attempts")?,
         news: row.column("news")?,
+        driver: row.parsed("driver")?,
         seeding: row.json("seeding")?,
         seq: row.column("seq")?,
         token: row.column("token_id")?,

@@ -277,7 +277,8 @@ pub(super) async fn insert_study_sweep(
         design: spec.design.kind,
         factors: to_json("factors", factors)?,
         labels: to_json("labels", &spec.labels)?,
-        points: points as usize,
+        // A study that clients drive begins without a job, and a sweep has at least one point.
+        points: points.max(1) as usize,
         replicates: 1,
     };
     insert_head(tx, head, "ready", now).await?;

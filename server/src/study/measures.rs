@@ -9,7 +9,7 @@ use serde_json::json;
 use crate::document::fault;
 
 /// Every measure of a goal with its pointer in the study.
-fn measures(goal: &Goal) -> Vec<(String, &Measure)> {
+pub(super) fn measures(goal: &Goal) -> Vec<(String, &Measure)> {
     match goal {
         Goal::Estimate(estimate) => {
             let each = estimate.intervals.iter().enumerate();

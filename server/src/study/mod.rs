@@ -1,6 +1,7 @@
 //! Studies, without IO: from the document to a question, from trials to evidence, from decisions to trials, and answers in words.
 //!
 //! - `read` checks a submitted study and lists every fault; `measures` checks the responses that its goal names.
+//! - `asks` hands runs out to clients, and adds runs at points of theirs; `tells` checks the outcomes that they tell.
 //! - `observations` are runs that are no jobs of the study; `seeding` copies them from earlier sweeps.
 //! - `ranges` checks wider ranges.
 //! - `trials` turns trials of the sweep and observations into evidence, and proposals into trials.
@@ -8,12 +9,14 @@
 //!
 //! The decision itself is [`roost_design::decide`].
 
+mod asks;
 mod measures;
 mod observations;
 mod ranges;
 mod read;
 mod seeding;
 pub(crate) mod sentences;
+mod tells;
 #[cfg(test)]
 mod tests;
 mod trials;
@@ -23,14 +26,17 @@ use roost_api::Fault;
 use roost_api::study::{SeedingSweep, StudyEnd, StudySpec};
 use roost_api::sweep::SweepSpec;
 use roost_api::table::TrialRow;
-use roost_design::{Answer, Finished, Question, decide};
+use roost_design::{Answer, Finished, Proposal, Question, decide};
 
 use crate::sweep::{Points, Trial};
+pub(crate) use asks::HandOut;
 pub(crate) use observations::{Observation, Source};
 pub(crate) use ranges::{Ranges, widen, with_ranges};
 pub(crate) use read::read;
 pub(crate) use roost_api::study::SCHEMA;
 pub(crate) use seeding::{Copied, MAX_SEEDING_RUNS, SweepRun};
+pub(crate) use tells::{ToldOutcome, ToldRun};
+use trials::{Known, MAX_SEED};
 
 /// A study that can be decided about.
 #[derive(Clone, Debug)]
@@ -101,14 +107,27 @@ impl Study {
         let known = self.known(trials, observations);
         let decision = decide(&self.question, &known.evidence, wanted, self.seed);
         let sentences = sentences::answer(self, &decision.answer, &known);
-        let (new, points) = self.trials(&decision.proposals, known)?;
-        let replicates = trials::most_at_a_point(trials, &new);
         let finished = decision.finished.map(|finished| match finished {
             Finished::ByRule => StudyEnd::ByRule,
             Finished::ByBudget => StudyEnd::ByBudget,
             Finished::NothingLeft => StudyEnd::NothingLeft,
         });
-        Ok(Decided { trials: new, points, replicates, finished, answer: decision.answer, sentences })
+        let (answer, none) = (decision.answer, Vec::new());
+        let decided = Decided { trials: none, points: 0, replicates: 0, finished, answer, sentences };
+        self.with_trials(decided, trials, &decision.proposals, known)
+    }
+
+    /// A decision with the trials of some proposals.
+    fn with_trials(
+        &self,
+        decided: Decided,
+        trials: &[TrialRow],
+        proposals: &[Proposal],
+        known: Known,
+    ) -> Result<Decided, Vec<Fault>> {
+        let (new, points) = self.trials(proposals, known)?;
+        let replicates = trials::most_at_a_point(trials, &new);
+        Ok(Decided { trials: new, points, replicates, ..decided })
     }
 
     /// The question in words.

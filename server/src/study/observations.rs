@@ -11,6 +11,10 @@ use serde_json::{Map, Value};
 pub(crate) enum Source {
     /// A run of an earlier sweep, copied when the study was submitted.
     Sweep(SweepId),
+    /// A proposal that was handed out to a client.
+    Asked,
+    /// A run at a point of a client.
+    Client,
 }
 
 /// A run of a study that is no job of its own.
@@ -31,7 +35,7 @@ pub(crate) struct Observation {
 impl Observation {
     /// Whether the budget does not count it.
     pub(super) fn is_free(&self) -> bool {
-        matches!(self.source, Source::Sweep(_))
+        self.source != Source::Asked
     }
 
     /// An order that does not depend on the order of arrival. Of two runs with the same point and seed the first counts.

@@ -15,7 +15,7 @@ use super::observations::{Observation, Source, numbers};
 use crate::sweep::Trial;
 
 /// Largest seed.
-pub(crate) const MAX_SEED: u64 = (1 << 53) - 1;
+pub(super) const MAX_SEED: u64 = (1 << 53) - 1;
 
 /// All runs of a study.
 #[derive(Clone, Debug, Default)]
@@ -23,6 +23,9 @@ pub(super) struct Known {
     pub(super) evidence: Evidence,
     /// Runs of sweeps, by sweep.
     pub(super) copies: BTreeMap<SweepId, Copies>,
+    /// Runs at points of clients.
+    pub(super) told: u64,
+    pub(super) replicates: Replicates,
     /// The index of each point with jobs.
     indices: BTreeMap<Point, u32>,
     /// Number of points of the sweep.
@@ -40,12 +43,12 @@ pub(super) struct Copies {
 }
 
 /// Gives each run at a point a replicate of its own.
-#[derive(Default)]
-struct Replicates(BTreeMap<Point, BTreeSet<u32>>);
+#[derive(Clone, Debug, Default)]
+pub(super) struct Replicates(BTreeMap<Point, BTreeSet<u32>>);
 
 impl Replicates {
     /// The first free replicate at a point, from one on.
-    fn take(&mut self, point: &Point, from: u32) -> u32 {
+    pub(super) fn take(&mut self, point: &Point, from: u32) -> u32 {
         let taken = self.0.entry(point.clone()).or_default();
         let free = (from..).find(|replicate| taken.insert(*replicate));
         free.unwrap_or(u32::MAX)
@@ -58,7 +61,6 @@ impl Study {
     /// Two points can become one when the ranges grow, since values are rounded. Their runs then get different replicates here.
     pub(super) fn known(&self, trials: &[TrialRow], observations: &[Observation]) -> Known {
         let mut known = Known::default();
-        let mut replicates = Replicates::default();
         let mut seen: HashSet<(Point, u64)> = HashSet::new();
         let mut runs = Vec::with_capacity(trials.len() + observations.len());
         let mut trials: Vec<&TrialRow> = trials.iter().collect();
@@ -74,7 +76,7 @@ impl Study {
             if outcome != Outcome::Cancelled {
                 seen.insert((point.clone(), trial.seed));
             }
-            let replicate = replicates.take(&point, self.replicate(trial.replicate));
+            let replicate = known.replicates.take(&point, self.replicate(trial.replicate));
             runs.push(Run { point, replicate, outcome });
         }
         let mut observations: Vec<&Observation> = observations.iter().collect();
@@ -82,18 +84,23 @@ impl Study {
         let mut free = 0;
         for observation in observations {
             known.seeds.insert(observation.seed);
-            let Source::Sweep(sweep) = observation.source;
-            let copies = known.copies.entry(sweep).or_default();
-            let Some(point) = self.point(&|name| observation.levels.get(name).copied()) else {
-                copies.outside += 1;
-                continue;
-            };
-            if !seen.insert((point.clone(), observation.seed)) {
+            let point = self.point(&|name| observation.levels.get(name).copied());
+            let is_new = point.as_ref().is_none_or(|point| seen.insert((point.clone(), observation.seed)));
+            if !is_new {
                 continue;
             }
-            copies.used += 1;
+            match observation.source {
+                Source::Sweep(sweep) => {
+                    let copies = known.copies.entry(sweep).or_default();
+                    *(if point.is_some() { &mut copies.used } else { &mut copies.outside }) += 1;
+                }
+                Source::Client => known.told += 1,
+                Source::Asked => {}
+            }
+            // Only a sweep has runs outside the ranges.
+            let Some(point) = point else { continue };
             free += usize::from(observation.is_free());
-            let replicate = replicates.take(&point, self.replicate(observation.replicate));
+            let replicate = known.replicates.take(&point, self.replicate(observation.replicate));
             runs.push(Run { point, replicate, outcome: observation.outcome.clone() });
         }
         known.evidence = Evidence::new(runs).with_free(free);

@@ -32,6 +32,7 @@ mod start_stop;
 #[path = "../../../tests/support/stl.rs"]
 mod stl;
 mod studies;
+mod studies_asks;
 mod studies_ranges;
 mod studies_seeding;
 mod submissions;

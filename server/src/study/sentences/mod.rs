@@ -8,7 +8,7 @@ mod sources;
 pub(crate) use sources::left_out;
 
 use roost_api::quantity::Quantity;
-use roost_api::study::{StudyEnd, StudyState};
+use roost_api::study::{Driver, StudyEnd, StudyState};
 use roost_design::goals::{Constraint, Effects, EstimateAnswer, Objective, SensitivityAnswer, SobolIndices};
 use roost_design::intervals::Estimated;
 use roost_design::{Answer, Finding, Goal, Measure};
@@ -119,13 +119,16 @@ pub(super) fn answer(study: &Study, answer: &Answer, known: &Known) -> Vec<Strin
 
 /// Whether a study goes on, or why it does not.
 pub(crate) fn state(
-    state: StudyState,
+    (state, driver): (StudyState, Driver),
     finished: Option<StudyEnd>,
     max_runs: u32,
     reason: Option<&str>,
 ) -> String {
     match (state, finished) {
-        (StudyState::Running, _) => "The study goes on.".to_owned(),
+        (StudyState::Running, _) => match driver {
+            Driver::Server => "The study goes on.".to_owned(),
+            Driver::Client => "The study goes on when a client asks it for runs.".to_owned(),
+        },
         (StudyState::Paused, _) => match reason {
             Some(reason) => format!("The server has paused the study: {reason}."),
             None => "The study is paused.".to_owned(),

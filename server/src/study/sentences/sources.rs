@@ -6,7 +6,7 @@ use super::super::trials::Known;
 use super::super::words::list;
 use super::Study;
 
-/// The runs of sweeps that the study began with: those that it uses, and those left out with the reasons.
+/// The runs of sweeps that the study began with: those that it uses, and those left out with the reasons. Then the runs of clients.
 pub(super) fn sentences(study: &Study, known: &Known) -> Vec<String> {
     let mut sentences = Vec::new();
     for seeding in &study.seeding {
@@ -17,6 +17,13 @@ pub(super) fn sentences(study: &Study, known: &Known) -> Vec<String> {
         if !left_out.is_empty() {
             sentences.push(format!("Left out of this sweep: {}.", list(&left_out)));
         }
+    }
+    if known.told > 0 {
+        let runs = if known.told == 1 { "run" } else { "runs" };
+        sentences.push(format!(
+            "It uses {} {runs} at points of clients, which its budget does not count.",
+            known.told
+        ));
     }
     sentences
 }
