@@ -9,6 +9,7 @@
 //! | `evidence` | points in the unit cube, and the runs at them |
 //! | `decision` | proposals, the reason to stop, the answer as data |
 //! | `goals` | a file or folder per goal: its fields, its decision, its answer |
+//! | `forecast` | the number of runs before there are any |
 //! | `intervals` | intervals of probabilities and means |
 //! | `usable` | responses that a measure cannot use |
 
@@ -16,6 +17,7 @@ mod decision;
 mod evidence;
 mod factor;
 mod fault;
+pub mod forecast;
 pub mod goals;
 pub mod intervals;
 pub mod model;

@@ -1,9 +1,9 @@
 //! Goals: a module per goal with its fields, its decision and its answer.
 
-mod boundary;
+pub(crate) mod boundary;
 mod estimate;
-mod optimise;
-mod sensitivity;
+pub(crate) mod optimise;
+pub(crate) mod sensitivity;
 
 pub use boundary::{Boundary, BoundaryAnswer, Crossing, MapPoint, ObservedPoint, Place, Side};
 pub use estimate::{Estimate, EstimateAnswer, MeasureEstimate, MeasureWidth, PointEstimate};

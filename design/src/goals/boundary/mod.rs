@@ -16,7 +16,7 @@ use crate::evidence::Point;
 use crate::factor::Factor;
 use crate::fault::{Fault, fault};
 use crate::model::Model;
-use crate::question::Measure;
+use crate::question::{Measure, Question};
 use crate::space::{SEQUENCE_LENGTH, sobol};
 pub use answer::{BoundaryAnswer, Crossing, MapPoint, ObservedPoint, Place};
 pub use band::Side;
@@ -73,9 +73,9 @@ impl Boundary {
 }
 
 /// Number of points of the first design.
-fn first_points(study: &Study<'_>) -> usize {
-    let points = 4 << study.question.factors.len();
-    points.min(study.question.budget.max_runs / (2 * FIRST_REPLICATES)).max(1)
+pub(crate) fn first_points(question: &Question) -> usize {
+    let points = 4 << question.factors.len();
+    points.min(question.budget.max_runs / (2 * FIRST_REPLICATES)).max(1)
 }
 
 pub(super) fn decide(goal: &Boundary, study: &Study<'_>) -> Course {
@@ -84,11 +84,11 @@ pub(super) fn decide(goal: &Boundary, study: &Study<'_>) -> Course {
     let model = Model::fit_near(&goal.of, study.usable_points(), goal.level);
     let answer = BoundaryAnswer::of(goal, study, model.as_ref());
     // Points of earlier sweeps serve as well as the first design.
-    let is_begun = with_values >= first_points(study);
+    let is_begun = with_values >= first_points(study.question);
     let is_met = is_begun && answer.misclassified.is_some_and(|share| share <= goal.misclassified);
     let proposals = match &model {
         _ if study.room == 0 || is_met => Vec::new(),
-        Some(model) if is_begun || (first.is_empty() && 2 * with_values >= first_points(study)) => {
+        Some(model) if is_begun || (first.is_empty() && 2 * with_values >= first_points(study.question)) => {
             acquisition::proposals(goal, study, model)
         }
         _ if !first.is_empty() => first,
@@ -107,7 +107,8 @@ fn sequence_point(study: &Study<'_>, index: usize) -> Point {
 /// Runs of the first design that do not exist yet: first one of each point, then replicates.
 fn first_proposals(study: &Study<'_>) -> Vec<Proposal> {
     let budget = &study.question.budget;
-    let points: Vec<Point> = (0..first_points(study)).map(|index| sequence_point(study, index)).collect();
+    let points: Vec<Point> =
+        (0..first_points(study.question)).map(|index| sequence_point(study, index)).collect();
     let mut proposals = Vec::new();
     for replicate in 0..FIRST_REPLICATES.min(budget.max_replicates) {
         for point in &points {
@@ -125,7 +126,7 @@ fn first_proposals(study: &Study<'_>) -> Vec<Proposal> {
 
 /// Further points of the sequence, one run each.
 fn further_proposals(study: &Study<'_>) -> Vec<Proposal> {
-    let points = (first_points(study)..SEQUENCE_LENGTH).map(|index| sequence_point(study, index));
+    let points = (first_points(study.question)..SEQUENCE_LENGTH).map(|index| sequence_point(study, index));
     let new = points
         .take(study.room + study.evidence.points().len())
         .filter(|point| study.evidence.at(point).is_none());

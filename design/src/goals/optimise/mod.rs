@@ -181,6 +181,12 @@ impl Optimise {
     }
 }
 
+/// Number of runs in the best case: the smallest first design, and confirmations that succeed at their first look.
+pub(crate) fn least_runs(goal: &Optimise, factors: usize) -> usize {
+    let first = goal.plan(1).map_or(0, |plan| plan.first);
+    factors + 1 + first * goal.targets()
+}
+
 /// Whether a point has a value of every measure.
 fn has_values(goal: &Optimise, point: &PointRuns) -> bool {
     goal.measures().iter().all(|measure| !point.values(measure).is_empty())

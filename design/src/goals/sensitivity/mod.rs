@@ -26,7 +26,7 @@ use crate::decision::Finding;
 use crate::factor::Factor;
 use crate::fault::{Fault, fault};
 use crate::intervals::Estimated;
-use crate::question::{Budget, Measure};
+use crate::question::{Budget, Measure, Question};
 use rows::{Design, Progress};
 
 /// Number of factors above which screening is chosen, if the question names no method.
@@ -141,6 +141,12 @@ impl Sensitivity {
         let method = self.method(factors.len());
         Design { method, factors, has_noise_runs: budget.max_replicates > 1, seed }
     }
+}
+
+/// Number of runs in the best case: the rows of the first look.
+pub(crate) fn least_runs(goal: &Sensitivity, question: &Question) -> usize {
+    let design = goal.design(&question.factors, &question.budget, 0);
+    design.first_look() * design.runs_per_row()
 }
 
 pub(super) fn decide(goal: &Sensitivity, study: &Study<'_>) -> Course {
