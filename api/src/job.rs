@@ -23,6 +23,7 @@ use utoipa::ToSchema;
 use utoipa::openapi::schema::{Object, ObjectBuilder, Type};
 
 use crate::checkpoint::CheckpointView;
+use crate::forecast::Waiting;
 use crate::frames::FramesView;
 use crate::ids::{JobId, SweepId, WorkerId};
 use crate::solver_documents::ProgressSchema;
@@ -287,6 +288,9 @@ pub struct JobView {
     /// Progress of the running attempt.
     #[schema(value_type = Option<ProgressSchema>)]
     pub progress: Option<Progress>,
+    /// Why it waits, while it is queued. Null in listings.
+    #[serde(default)]
+    pub waiting: Option<Waiting>,
     /// Earliest time of the next attempt of a failed job that is queued again.
     #[schema(value_type = Option<String>, format = DateTime)]
     pub retry_at: Option<Timestamp>,

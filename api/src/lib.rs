@@ -8,6 +8,7 @@ pub mod checkpoint;
 pub mod design;
 pub mod event;
 pub mod fill;
+pub mod forecast;
 pub mod frames;
 pub mod ids;
 pub mod job;

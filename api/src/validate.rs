@@ -5,6 +5,7 @@ use roost_solver::result::Estimate;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use crate::forecast::CostForecast;
 use crate::solver_documents::EstimateSchema;
 
 /// The cost of a valid document.
@@ -14,6 +15,15 @@ pub struct ValidationReport {
     pub document: String,
     /// Number of jobs; of a study, at most so many.
     pub jobs: u64,
+    /// Number of jobs in the best case: of a study, the fewest after which its rule could end it.
+    #[serde(default)]
+    pub min_jobs: u64,
+    /// Of a study whose budget is too small for the asked confidence: the number of runs that the best case needs, in words.
+    #[serde(default)]
+    pub shortage: Option<String>,
+    /// Runs, processor time and time of completion as ranges; null where the server makes no forecast.
+    #[serde(default)]
+    pub forecast: Option<CostForecast>,
     /// Cost of the scenario, or of the base scenario of the sweep or study.
     #[schema(value_type = EstimateSchema)]
     pub estimate: Estimate,

@@ -6,6 +6,7 @@
 //! | `state` | shared state of a running server: access, connections, caches, metrics, progress |
 //! | `document`, `mesh`, `validation` | read and check submissions, pure |
 //! | `queue`, `sweep` | decide on attempts; expand designs and summarize results with `roost_stats`, pure |
+//! | `forecast` | says when jobs start and end, pure |
 //! | `study` | reads studies, and states their answers, pure |
 //! | `decider` | grows studies: a background task |
 //! | `store` | one SQLite file and the objects; the only module with sqlx |
@@ -18,6 +19,7 @@ mod config;
 mod data;
 mod decider;
 mod document;
+mod forecast;
 mod http;
 mod mesh;
 mod process;
@@ -32,6 +34,7 @@ mod validation;
 
 pub use config::ServerConfig;
 pub use data::{DataError, backup, restore, tokens_in};
+pub use forecast::on_this_machine;
 pub use http::openapi;
 pub use queue::{RetryLimit, RetryPolicy};
 pub use roost_solver::Limits;

@@ -119,6 +119,10 @@ impl Server {
             checkpoint_uploads: Default::default(),
             fill_uploads: Default::default(),
             progress: Default::default(),
+            slots: Default::default(),
+            farm_views: Default::default(),
+            forecasts: Default::default(),
+            study_forecasts: Default::default(),
         });
         Ok(Self { listener, address, app, _lock: lock })
     }

@@ -32,6 +32,9 @@ pub fn validate(
         return Ok(ValidationReport {
             document: "study".to_owned(),
             jobs: max_runs,
+            min_jobs: (roost_design::forecast::least_runs(&study.question) as u64).min(max_runs),
+            shortage: roost_design::forecast::shortage(&study.question),
+            forecast: None,
             meshes: mesh::reports(iter::once(expansion.base.clone()), meshes),
             // The mean of the corners of the range.
             wall_s: expansion.wall_s / expansion.jobs() as f64 * max_runs as f64,
@@ -48,6 +51,9 @@ pub fn validate(
         return Ok(ValidationReport {
             document: "sweep".to_owned(),
             jobs: expansion.jobs(),
+            min_jobs: expansion.jobs(),
+            shortage: None,
+            forecast: None,
             meshes: mesh::reports(scenarios, meshes),
             estimate: expansion.estimate,
             wall_s: expansion.wall_s,
@@ -62,6 +68,9 @@ pub fn validate(
     Ok(ValidationReport {
         document: "scenario".to_owned(),
         jobs: 1,
+        min_jobs: 1,
+        shortage: None,
+        forecast: None,
         meshes: mesh::reports(iter::once(scenario.clone()), meshes),
         wall_s: estimate.wall_s,
         estimate,

@@ -35,7 +35,7 @@ pub(super) fn scopes_of(method: &Method, path: &str) -> &'static [Scope] {
         "/v1/workers/{id}/drain" | "/v1/prune" => &[Scope::Admin],
         "/v1/workers" | "/v1/claims" | "/v1/workers/{id}/heartbeat" if !reads => &[Scope::Worker],
         _ if path.contains("/attempts/") => &[Scope::Worker],
-        "/v1/validate" => &[Scope::Read],
+        "/v1/validate" | "/v1/studies/validate" => &[Scope::Read],
         _ if *method == Method::DELETE => &[Scope::Admin],
         _ if reads => &[Scope::Read],
         _ => &[Scope::Submit],

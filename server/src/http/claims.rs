@@ -53,6 +53,9 @@ pub(crate) async fn claim(
         let mut held_back = false;
         if std::mem::take(&mut is_first) || app.store.has_work(claim, app.clock.both()).await? {
             let claimed = app.store.claim(claim, app.clock.both()).await??;
+            if let Some(held) = claimed.held_jobs {
+                app.slots.record(claim.worker, held.saturating_add(claim.max_jobs));
+            }
             if !claimed.attempts.is_empty() {
                 for attempt in &claimed.attempts {
                     tracing::debug!(job = %attempt.job_id, attempt = attempt.attempt, "claimed");

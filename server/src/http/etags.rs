@@ -14,6 +14,9 @@ use super::problem::ApiError;
 use crate::state::App;
 use crate::store::Subject;
 
+/// Maximum age of the reason why a queued job waits, in an answer that counts as unchanged.
+const WAITING_AGE_MS: i64 = 5000;
+
 /// The subject of a route; none for routes without an etag or with an etag of their own.
 fn subject(path: &str, segments: &HashMap<String, String>) -> Option<Subject> {
     let rest = path.strip_prefix("/v1/")?;
@@ -22,7 +25,12 @@ fn subject(path: &str, segments: &HashMap<String, String>) -> Option<Subject> {
         "studies" => Some(Subject::Studies),
         "workers" => Some(Subject::Workers),
         "meshes" => Some(Subject::Meshes),
-        _ if ["/events", "/frames", "/checkpoint", "/fill"].iter().any(|end| rest.ends_with(end)) => None,
+        _ if ["/events", "/frames", "/checkpoint", "/fill", "/forecast"]
+            .iter()
+            .any(|end| rest.ends_with(end)) =>
+        {
+            None
+        }
         _ if rest.starts_with("jobs/{id}") => segments.get("id")?.parse().ok().map(Subject::Job),
         _ if rest.starts_with("studies/{id}") => segments.get("id")?.parse().ok().map(Subject::Study),
         _ if rest.starts_with("sweeps/{id}") => segments.get("id")?.parse().ok().map(Subject::Sweep),
@@ -68,8 +76,11 @@ pub(crate) async fn add_etag(State(app): State<App>, mut request: Request, next:
 async fn etag_of(app: &App, subject: Subject) -> Result<Option<HeaderValue>, ApiError> {
     let Some(stored) = app.store.version(subject).await? else { return Ok(None) };
     let (start, progress) = (app.clock.started().0, app.progress.version(subject));
+    // The reason why a job waits depends on other jobs, on workers and on time.
+    let is_queued = matches!(subject, Subject::Job(_)) && stored.ends_with(".1");
+    let period = if is_queued { app.clock.now().0 / WAITING_AGE_MS } else { 0 };
     // Progress counts restart with the server.
-    let etag = format!("\"{stored}.{progress}.{start:x}\"");
+    let etag = format!("\"{stored}.{progress}.{period:x}.{start:x}\"");
     Ok(Some(HeaderValue::try_from(etag).expect("digits, signs and points")))
 }
 

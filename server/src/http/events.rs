@@ -235,7 +235,7 @@ impl Follower {
     /// The current view of the subject.
     async fn view(&self, name: &str) -> Result<Event, ApiError> {
         match self.subject {
-            Subject::Job(id) => data::<JobView>(name, &jobs::view(&self.app, id).await?),
+            Subject::Job(id) => data::<JobView>(name, &jobs::view_with_reason(&self.app, id).await?),
             Subject::Sweep(id) => data::<SweepView>(name, &sweeps::view(&self.app, id).await?),
             _ => Err(ApiError::new(ProblemKind::Internal, "the subject has no events")),
         }

@@ -121,7 +121,7 @@ pub(super) async fn list_filtered(app: &App, uri: &Uri, filter: JobFilter) -> Re
     Ok(page(uri, jobs, next))
 }
 
-/// Shows a job.
+/// Shows a job. While it is queued, `waiting` says why.
 #[utoipa::path(get, path = "/v1/jobs/{id}", tag = "jobs", operation_id = "show_job",
     params(("id" = uuid::Uuid, Path, description = "The job")),
     responses((status = 200, description = "The job", body = JobView),
@@ -131,7 +131,16 @@ pub(crate) async fn show(
     State(app): State<App>,
     Segments(id): Segments<JobId>,
 ) -> Result<Json<JobView>, ApiError> {
-    view(&app, id).await.map(Json)
+    view_with_reason(&app, id).await.map(Json)
+}
+
+/// The current view of a job, with the reason why it waits.
+pub(super) async fn view_with_reason(app: &App, id: JobId) -> Result<JobView, ApiError> {
+    let mut job = view(app, id).await?;
+    if job.state == JobState::Queued {
+        job.waiting = app.waiting(id).await?;
+    }
+    Ok(job)
 }
 
 /// The current view of a job.

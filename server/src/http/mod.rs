@@ -13,6 +13,7 @@ mod etags;
 mod events;
 mod extract;
 mod fills;
+mod forecasts;
 mod frames;
 mod heartbeats;
 mod jobs;
@@ -111,6 +112,10 @@ fn routes(
         .routes(routes!(events::of_job))
         .routes(routes!(events::of_sweep))
         .routes(routes!(jobs::show))
+        .routes(routes!(forecasts::of_job))
+        .routes(routes!(forecasts::of_sweep))
+        .routes(routes!(forecasts::of_study))
+        .routes(routes!(forecasts::validate_study))
         .routes(routes!(results::result))
         .routes(routes!(results::series))
         .routes(routes!(frames::frames))

@@ -5,12 +5,12 @@ use axum::extract::State;
 use roost_api::problem::Problem;
 use roost_api::validate::ValidationReport;
 
-use super::blocking::run_blocking;
 use super::extract::Document;
+use super::forecasts::report;
 use super::problem::ApiError;
 use crate::state::App;
 
-/// Checks a scenario, a job envelope or a sweep without running it, and estimates its cost.
+/// Checks a scenario, a job envelope, a sweep or a study without running it, and forecasts its cost.
 #[utoipa::path(post, path = "/v1/validate", tag = "documents", operation_id = "validate",
     request_body = Object,
     responses((status = 200, description = "The document is valid", body = ValidationReport),
@@ -20,10 +20,5 @@ pub(crate) async fn validate(
     State(app): State<App>,
     Document(document): Document,
 ) -> Result<Json<ValidationReport>, ApiError> {
-    let (limits, max_jobs) = (app.config.limits, app.config.max_jobs_per_sweep);
-    let meshes = app.mesh_cache.meshes_of(&document, &app.store).await?;
-    run_blocking(move || crate::validation::validate(document, &meshes, &limits, max_jobs))
-        .await?
-        .map(Json)
-        .map_err(ApiError::faults)
+    report(&app, document).await.map(Json)
 }

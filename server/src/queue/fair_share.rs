@@ -87,6 +87,22 @@ impl Rounds {
         self.last.get(&(priority, owner)).map_or(current, |last| current.max(last + 1))
     }
 
+    /// Number of jobs of one priority that come before a job: `own` jobs of its owner, and those jobs of other owners, each with their
+    /// number, that take an earlier round. Jobs of the same round are not counted.
+    pub(crate) fn jobs_before(
+        &self,
+        priority: i32,
+        (owner, own): (Owner, u64),
+        others: impl IntoIterator<Item = (Owner, u64)>,
+    ) -> u64 {
+        let round = self.next(priority, owner).saturating_add_unsigned(own);
+        let earlier = |(other, jobs): (Owner, u64)| {
+            let rounds = round.saturating_sub(self.next(priority, other)).max(0);
+            jobs.min(rounds.unsigned_abs())
+        };
+        own + others.into_iter().map(earlier).sum::<u64>()
+    }
+
     /// The next jobs of these queues, at most `max`, without `taken` ones. Of jobs that would compute the same fill, the first.
     pub(crate) fn next_jobs(&self, queues: &[OwnerQueue], taken: &Taken, max: usize) -> Vec<ScheduledJob> {
         let mut fills = taken.fills.clone();
@@ -196,6 +212,29 @@ mod tests {
         });
         let rare: Vec<_> = rare.collect();
         assert_eq!(rare.iter().filter(|owner| **owner == 3).count(), 5, "{rare:?}");
+    }
+
+    #[test]
+    fn jobs_before_a_job_are_those_that_claims_take_first() {
+        let mut rounds = Rounds::default();
+        // The third owner is two rounds behind the others.
+        for (owner, round) in [(1, 7), (2, 7), (3, 5)] {
+            rounds.record(0, owner, round);
+        }
+        let queues = [owner_queue(0, 1, 0..40), owner_queue(0, 2, 100..110), owner_queue(0, 3, 200..203)];
+        let order: Vec<_> =
+            rounds.next_jobs(&queues, &Taken::default(), 53).iter().map(|next| next.job.seq).collect();
+        for (queue, own) in [(0, 0), (0, 5), (0, 39), (1, 9), (2, 2)] {
+            let owner = queues[queue].owner;
+            let others = queues.iter().filter(|other| other.owner != owner);
+            let others = others.map(|other| (other.owner, other.jobs.len() as u64));
+            let found = rounds.jobs_before(0, (owner, own), others) as usize;
+            let place = order.iter().position(|seq| *seq == queues[queue].jobs[own as usize].seq).unwrap();
+            // Of the jobs of one round, up to two of other owners are older.
+            assert!((found..=found + 2).contains(&place), "owner {owner}, job {own}: {found}, {place}");
+        }
+        let none = std::iter::empty();
+        assert_eq!(Rounds::default().jobs_before(0, (1, 3), none), 3);
     }
 
     #[test]

@@ -12,6 +12,7 @@
 //! | `fair_share` | the order of the queue |
 //! | `allocation` | the jobs of each claim |
 //! | `control` | the effect of a cancel or a retry by a user |
+//! | `waiting` | why a queued job waits |
 
 mod allocation;
 mod control;
@@ -23,6 +24,7 @@ mod provenance;
 mod retry;
 #[cfg(test)]
 mod tests;
+mod waiting;
 
 use std::time::Duration;
 
@@ -39,6 +41,7 @@ pub(crate) use fence::{FenceState, fence};
 pub(crate) use lease::{BeatEffect, StopRequest, on_beat, on_deadline, on_lease_expired};
 pub(crate) use provenance::Provenance;
 pub use retry::{RetryLimit, RetryPolicy};
+pub(crate) use waiting::{JobsBefore, QueuedJob, WorkerSight, why_waiting};
 
 /// The state of a job that decisions depend on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

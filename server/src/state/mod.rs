@@ -5,16 +5,21 @@
 mod access;
 pub(crate) mod audit;
 pub(crate) mod connections;
+mod farm_view;
+mod forecasts;
 mod mesh_cache;
 mod metrics;
 mod partial_uploads;
 mod progress;
 mod samples;
+mod slots;
 mod submission_turns;
 mod sweep_cache;
+mod waits;
 
 use std::sync::Arc;
 
+use roost_api::forecast::Forecast;
 use roost_api::prune::Pruning;
 use roost_api::sweep::SweepView;
 use roost_api::time::Timestamp;
@@ -27,11 +32,13 @@ use crate::store::{Store, StoreError};
 use crate::sweep::Response;
 pub(crate) use access::{Access, AccessError, Caller};
 pub(crate) use connections::Connections;
+pub(crate) use farm_view::FarmViews;
 pub(crate) use mesh_cache::{MeshCache, MeshCacheError};
 pub(crate) use metrics::{AnsweredRequest, MachineUsage, Metrics, RequestKind};
 pub(crate) use partial_uploads::{PartialUploads, UploadKey};
 pub(crate) use progress::ProgressBoard;
 pub(crate) use samples::Received;
+use slots::WorkerSlots;
 use submission_turns::SubmissionTurns;
 pub(crate) use sweep_cache::SweepCache;
 
@@ -75,6 +82,14 @@ pub(crate) struct AppState {
     pub(crate) fill_uploads: PartialUploads,
     /// Progress and samples of running jobs.
     pub(crate) progress: ProgressBoard,
+    /// Slots of workers.
+    pub(crate) slots: WorkerSlots,
+    /// What forecasts know of the farm.
+    pub(crate) farm_views: FarmViews,
+    /// Forecasts of sweeps.
+    pub(crate) forecasts: SweepCache<Forecast>,
+    /// Forecasts of studies.
+    pub(crate) study_forecasts: SweepCache<Forecast>,
 }
 
 impl AppState {

@@ -160,6 +160,12 @@ impl ProgressBoard {
         }
     }
 
+    /// The completed fraction of a running job and its wall time so far, in seconds.
+    pub(crate) fn done(&self, job: JobId) -> Option<(f64, f64)> {
+        let board = self.lock();
+        board.jobs.get(&job).map(|known| (known.progress.fraction, known.progress.wall_s))
+    }
+
     /// Adds the progress and the speed of its jobs to the view of a worker.
     pub(crate) fn add_to_worker(&self, worker: &mut WorkerView) {
         let board = self.lock();

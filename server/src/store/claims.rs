@@ -154,6 +154,8 @@ pub(crate) struct Claimed {
     pub(crate) attempts: Vec<ClaimedAttempt>,
     /// Whether a job waits until the worker is idle.
     pub(crate) held_back: bool,
+    /// Jobs that the worker held before, unless the claim is a repeat.
+    pub(crate) held_jobs: Option<u32>,
 }
 
 /// A claim and its time.
@@ -164,6 +166,7 @@ pub(super) type TimedClaim = (Claim, Now);
 pub(super) struct ClaimedRows {
     rows: Vec<SqliteRow>,
     held_back: bool,
+    held_jobs: Option<u32>,
 }
 
 /// Claims in one batch.
@@ -184,7 +187,7 @@ impl Store {
             Err(refusal) => return Ok(Err(refusal)),
         };
         let attempts = claimed.rows.iter().map(|row| attempt(row, claim)).collect::<Result<_, _>>()?;
-        Ok(Ok(Claimed { attempts, held_back: claimed.held_back }))
+        Ok(Ok(Claimed { attempts, held_back: claimed.held_back, held_jobs: claimed.held_jobs }))
     }
 
     /// Whether a claim would find a job. Uses a reader.
@@ -249,7 +252,8 @@ async fn claim_wave(
         let Some(timed @ (claim, now)) = claims.get(place).copied() else { continue };
         answers[place] = Ok(ClaimedRows::default());
         if row.column("repeated")? {
-            answers[place] = Ok(ClaimedRows { rows: repeat(tx, claim, now).await?, held_back: false });
+            answers[place] =
+                Ok(ClaimedRows { rows: repeat(tx, claim, now).await?, ..ClaimedRows::default() });
         } else if !row.column("draining")? {
             let failed = row.column::<bool>("has_failed")?.then_some(claim.worker);
             let class = WorkerClass {
@@ -271,6 +275,8 @@ async fn claim_wave(
             demands.push((place, Demand { list, load, max_jobs: claim.max_jobs as usize }));
         }
     }
+    let loads: HashMap<usize, u32> =
+        demands.iter().map(|(place, demand)| (*place, demand.load.jobs)).collect();
     // In the order of the claims, which the rows need not have.
     demands.sort_by_key(|(place, _)| *place);
     let total: usize = demands.iter().map(|(_, demand)| demand.max_jobs).sum();
@@ -284,7 +290,8 @@ async fn claim_wave(
     let mut taken = start_attempts(tx, claims, &allocations).await?;
     for (place, allocation) in allocations {
         let rows = allocation.jobs.iter().filter_map(|next| taken.remove(&next.job.seq)).collect();
-        answers[place] = Ok(ClaimedRows { rows, held_back: allocation.held_back });
+        let held_jobs = loads.get(&place).copied();
+        answers[place] = Ok(ClaimedRows { rows, held_back: allocation.held_back, held_jobs });
     }
     Ok(answers)
 }

@@ -12,6 +12,135 @@ use super::workers::online_window;
 use crate::clock::Now;
 use crate::queue::{EligibleJob, OwnerQueue, Rounds};
 
+/// The condition that claims look at a job, of a row of `jobs`.
+macro_rules! claimable {
+    ($job:literal) => {
+        concat!($job, ".state = 'queued' AND ", $job, ".not_before IS NULL AND ", $job, ".paused = 0")
+    };
+}
+
+/// The condition that a worker has what a job needs.
+macro_rules! fits {
+    ($job:literal, $worker:literal) => {
+        concat!(
+            "(",
+            $job,
+            ".needs_backend IS NULL OR ",
+            $job,
+            ".needs_backend = ",
+            $worker,
+            ".backend) AND (",
+            $job,
+            ".needs_memory_mib IS NULL OR ",
+            $job,
+            ".needs_memory_mib <= ",
+            $worker,
+            ".memory_mib)"
+        )
+    };
+}
+
+/// The condition that a worker has failed a job since the last retry by a user.
+macro_rules! has_failed {
+    ($job:literal, $worker:literal) => {
+        concat!(
+            "EXISTS (SELECT 1 FROM attempts f WHERE f.job_id = ",
+            $job,
+            ".id AND f.worker_id = ",
+            $worker,
+            ".id AND f.outcome = 'worker' AND f.number > ",
+            $job,
+            ".attempts_before_retry)"
+        )
+    };
+}
+
+/// The condition that a worker may get a job: it has not failed the job, or no other suitable worker was seen between ?2 and ?3.
+macro_rules! is_left_to {
+    ($job:literal, $worker:literal) => {
+        concat!(
+            "(",
+            $job,
+            ".attempt = ",
+            $job,
+            ".attempts_before_retry
+               OR NOT ",
+            has_failed!($job, $worker),
+            "
+               OR NOT EXISTS (SELECT 1 FROM workers other
+                              WHERE other.last_seen_at BETWEEN ?2 AND ?3 AND other.draining = 0
+                              AND ",
+            fits!($job, "other"),
+            "
+                              AND NOT ",
+            has_failed!($job, "other"),
+            "))"
+        )
+    };
+}
+
+/// An expression on the running attempt that computes the fill of a job for a worker; null without one.
+macro_rules! computing_attempt {
+    ($of:literal, $job:literal, $worker:literal) => {
+        concat!(
+            "(SELECT ",
+            $of,
+            " FROM fills f JOIN jobs r ON r.id = f.job_id AND r.attempt = f.attempt AND r.state = 'running'
+                          WHERE f.fill_digest = ",
+            $job,
+            ".fill_digest AND f.solver_revision = ",
+            $worker,
+            ".solver_revision
+                          AND f.backend = ",
+            $worker,
+            ".backend AND f.device = ",
+            $worker,
+            ".device)"
+        )
+    };
+}
+
+/// The condition that a worker can continue a job from a checkpoint.
+macro_rules! can_continue {
+    ($job:literal, $worker:literal) => {
+        concat!(
+            "EXISTS (SELECT 1 FROM checkpoints c WHERE c.job_id = ",
+            $job,
+            ".id
+                     AND c.solver_revision = ",
+            $worker,
+            ".solver_revision AND c.backend = ",
+            $worker,
+            ".backend
+                     AND c.device = ",
+            $worker,
+            ".device)"
+        )
+    };
+}
+
+/// `heads`: every queue with jobs that claims look at, by priority and owner. Each is found by one step into the index `jobs_to_claim`.
+macro_rules! heads {
+    () => {
+        concat!("
+    WITH RECURSIVE heads (priority, owner, queue) AS (
+        SELECT * FROM (SELECT priority, owner, queue FROM jobs WHERE ", claimable!("jobs"), "
+                       ORDER BY priority DESC, owner, queue LIMIT 1)
+        UNION ALL
+        SELECT next.priority, next.owner, next.queue FROM heads CROSS JOIN jobs next ON next.seq = coalesce(
+            (SELECT seq FROM jobs WHERE ", claimable!("jobs"), "
+             AND priority = heads.priority AND owner = heads.owner AND queue > heads.queue ORDER BY queue LIMIT 1),
+            (SELECT seq FROM jobs WHERE ", claimable!("jobs"), "
+             AND priority = heads.priority AND owner > heads.owner ORDER BY owner, queue LIMIT 1),
+            (SELECT seq FROM jobs WHERE ", claimable!("jobs"), "
+             AND priority < heads.priority ORDER BY priority DESC, owner, queue LIMIT 1)))"
+        )
+    };
+}
+
+// Why a job waits is asked with the same conditions.
+pub(super) use {can_continue, claimable, computing_attempt, fits, has_failed, heads, is_left_to};
+
 /// At most ?4 jobs of every queue that worker ?1 can run, by priority and owner. `heads` finds each queue by one step into the index
 /// `jobs_to_claim`, whatever the length of the queue, and each list walks that index from there to its limit; a test checks the query
 /// plan. A sweep that is not `ready` is passed over in one step. Rows come lazily: a reader that has enough reads no further queue. A job that the worker has failed is left to another
@@ -20,56 +149,43 @@ use crate::queue::{EligibleJob, OwnerQueue, Rounds};
 /// For a worker that shares fills (?5), a job is passed over while a running attempt computes its fill, unless it continues from a
 /// checkpoint. At most 500 such jobs of a queue are passed over, so that a long queue of one fill costs a claim milliseconds. `fill` is
 /// the fill that an attempt of the job would compute.
-pub(super) const ELIGIBLE_JOBS: &str = "
-    WITH RECURSIVE heads (priority, owner, queue) AS (
-        SELECT * FROM (SELECT priority, owner, queue FROM jobs WHERE state = 'queued' AND not_before IS NULL AND paused = 0
-                       ORDER BY priority DESC, owner, queue LIMIT 1)
-        UNION ALL
-        SELECT next.priority, next.owner, next.queue FROM heads CROSS JOIN jobs next ON next.seq = coalesce(
-            (SELECT seq FROM jobs WHERE state = 'queued' AND not_before IS NULL AND paused = 0
-             AND priority = heads.priority AND owner = heads.owner AND queue > heads.queue ORDER BY queue LIMIT 1),
-            (SELECT seq FROM jobs WHERE state = 'queued' AND not_before IS NULL AND paused = 0
-             AND priority = heads.priority AND owner > heads.owner ORDER BY owner, queue LIMIT 1),
-            (SELECT seq FROM jobs WHERE state = 'queued' AND not_before IS NULL AND paused = 0
-             AND priority < heads.priority ORDER BY priority DESC, owner, queue LIMIT 1)))
+pub(super) const ELIGIBLE_JOBS: &str = concat!(
+    heads!(),
+    "
     SELECT heads.priority, heads.owner, found.queue_position, found.seq, found.alone,
            CASE WHEN found.fill_digest IS NOT NULL AND ?5
                      AND NOT EXISTS (SELECT 1 FROM fills f WHERE f.fill_digest = found.fill_digest
                                      AND f.solver_revision = me.solver_revision AND f.backend = me.backend
                                      AND f.device = me.device AND f.job_id IS NULL)
-                     AND NOT EXISTS (SELECT 1 FROM checkpoints c WHERE c.job_id = found.id
-                                     AND c.solver_revision = me.solver_revision AND c.backend = me.backend
-                                     AND c.device = me.device)
+                     AND NOT ",
+    can_continue!("found", "me"),
+    "
                 THEN found.fill_digest END AS fill
     FROM heads CROSS JOIN workers me CROSS JOIN jobs found ON found.seq IN (
         SELECT first.seq FROM (SELECT j.seq, j.id, j.fill_digest FROM jobs j
-        WHERE j.state = 'queued' AND j.not_before IS NULL AND j.paused = 0
+        WHERE ",
+    claimable!("j"),
+    "
           AND j.priority = heads.priority AND j.owner = heads.owner AND j.queue = heads.queue
           AND (j.sweep_id IS NULL OR j.sweep_id NOT IN (SELECT id FROM sweeps WHERE state <> 'ready'))
-          AND (j.needs_backend IS NULL OR j.needs_backend = me.backend)
-          AND (j.needs_memory_mib IS NULL OR j.needs_memory_mib <= me.memory_mib)
-          AND (j.attempt = j.attempts_before_retry
-               OR NOT EXISTS (SELECT 1 FROM attempts f WHERE f.job_id = j.id AND f.worker_id = ?1
-                              AND f.outcome = 'worker' AND f.number > j.attempts_before_retry)
-               OR NOT EXISTS (SELECT 1 FROM workers other
-                              WHERE other.last_seen_at BETWEEN ?2 AND ?3 AND other.draining = 0
-                              AND (j.needs_backend IS NULL OR j.needs_backend = other.backend)
-                              AND (j.needs_memory_mib IS NULL OR j.needs_memory_mib <= other.memory_mib)
-                              AND NOT EXISTS (SELECT 1 FROM attempts f WHERE f.job_id = j.id
-                                              AND f.worker_id = other.id AND f.outcome = 'worker'
-                                              AND f.number > j.attempts_before_retry)))
+          AND ",
+    fits!("j", "me"),
+    "
+          AND ",
+    is_left_to!("j", "me"),
+    "
         ORDER BY j.queue_position, j.seq LIMIT ?4 + 500) AS first
         WHERE first.fill_digest IS NULL OR NOT ?5
-           OR NOT EXISTS (SELECT 1 FROM fills f
-                          JOIN jobs r ON r.id = f.job_id AND r.attempt = f.attempt AND r.state = 'running'
-                          WHERE f.fill_digest = first.fill_digest AND f.solver_revision = me.solver_revision
-                          AND f.backend = me.backend AND f.device = me.device)
-           OR EXISTS (SELECT 1 FROM checkpoints c WHERE c.job_id = first.id
-                      AND c.solver_revision = me.solver_revision AND c.backend = me.backend
-                      AND c.device = me.device)
+           OR NOT EXISTS ",
+    computing_attempt!("1", "first", "me"),
+    "
+           OR ",
+    can_continue!("first", "me"),
+    "
         LIMIT ?4)
     WHERE me.id = ?1 AND me.draining = 0
-      AND heads.queue NOT IN (SELECT seq FROM sweeps WHERE state <> 'ready')";
+      AND heads.queue NOT IN (SELECT seq FROM sweeps WHERE state <> 'ready')"
+);
 
 /// The rounds of the owners of some priorities.
 pub(super) const ROUNDS: &str =

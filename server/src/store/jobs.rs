@@ -146,6 +146,7 @@ fn job_view(row: &SqliteRow) -> Result<JobView, StoreError> {
         shared_fill: row.column("shared_fill")?,
         filled_by: row.parsed_opt("filled_by")?,
         progress: None, // only in the server's memory
+        waiting: None,  // depends on workers
         retry_at: row.moment_opt("not_before")?,
         alone: row.column("alone")?,
         failure_class: row.parsed_opt("failure_class")?,

@@ -30,6 +30,7 @@ mod prune;
 mod results;
 #[cfg(test)]
 mod simulation;
+mod speeds;
 mod studies;
 mod submissions;
 mod submit;
@@ -42,6 +43,7 @@ mod trials;
 #[cfg(test)]
 mod upgrades;
 mod versions;
+mod waiting;
 mod workers;
 mod writer;
 
@@ -70,6 +72,7 @@ pub(crate) use jobs::JobFilter;
 use migrations::migrator;
 pub(crate) use objects::{StageError, Staged};
 pub(crate) use observations::{Conflict, HandedOutRun};
+pub(crate) use speeds::{RunningJob, StoredScenario};
 pub(crate) use studies::{MAX_PROPOSALS, NewStudy, StoredStudy};
 pub(crate) use submissions::{StoredResponse, Submission, SubmissionState};
 pub(crate) use submit::{NewJob, NewSweep};
@@ -77,6 +80,8 @@ pub(crate) use tokens::Token;
 pub use tokens::TokenFile;
 pub(crate) use trials::{MAX_DOCUMENTS, TrialDocument, TrialPlace};
 pub(crate) use versions::{QueueCounts, Subject};
+pub(crate) use waiting::{MAX_COUNTED, QueueGroup, QueuePlace, by_owner};
+pub(crate) use workers::{OnlineWorker, meets};
 use writer::Writer;
 
 /// The first SQLite without the WAL-reset corruption (3.7.0 to 3.51.2).

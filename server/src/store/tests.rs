@@ -11,6 +11,7 @@ use super::*;
 use crate::clock::Now;
 
 mod query_plans;
+mod waits;
 
 async fn store() -> (Store, tempfile::TempDir) {
     let dir = tempfile::tempdir().unwrap();

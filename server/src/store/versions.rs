@@ -54,8 +54,8 @@ pub(crate) enum Subject {
 }
 
 impl Store {
-    /// The version of a subject: the numbers of its newest event and its newest row, each from the end of an index. None for a job or
-    /// sweep that does not exist.
+    /// The version of a subject: the numbers of its newest event and its newest row, each from the end of an index. Of a job, the second
+    /// number is 1 while it is queued. None for a job or sweep that does not exist.
     pub(crate) async fn version(&self, subject: Subject) -> Result<Option<String>, StoreError> {
         let commits = self.writer.commits();
         if let Some(version) = self.versions.get(subject, commits) {
@@ -147,7 +147,7 @@ const EVERYTHING: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM sqlite_seque
 // Where the events of a job or sweep were deleted, the oldest stored event is the version: the deleted ones were older.
 pub(super) const JOB: &str = "SELECT coalesce(
         (SELECT max(seq) FROM events WHERE job_id = ?1), -(SELECT min(seq) FROM events),
-        -(SELECT seq + 1 FROM sqlite_sequence WHERE name = 'events'), 0), 0
+        -(SELECT seq + 1 FROM sqlite_sequence WHERE name = 'events'), 0), state = 'queued'
     FROM jobs WHERE id = ?1";
 pub(super) const SWEEP: &str = "SELECT coalesce(
         (SELECT max(seq) FROM events WHERE sweep_id = ?1), -(SELECT min(seq) FROM events),

@@ -4,8 +4,10 @@ use std::collections::HashMap;
 use std::time::Duration;
 
 use roost_api::ids::{JobId, WorkerId};
+use roost_api::job::Needs;
 use roost_api::time::Timestamp;
 use roost_api::worker::{WorkerRegistration, WorkerView};
+use sqlx::sqlite::SqliteRow;
 
 use super::columns::Columns;
 use super::{Store, StoreError};
@@ -21,6 +23,29 @@ pub(super) fn online_window(now: Timestamp, lease: Duration) -> (Timestamp, Time
 /// Every worker of a job has an attempt too, so that jobs need no check.
 pub(super) const FORGET: &str = "
     DELETE FROM workers WHERE last_seen_at < ? AND NOT EXISTS (SELECT 1 FROM attempts WHERE worker_id = workers.id)";
+
+/// An online worker.
+#[derive(Clone, Debug)]
+pub(crate) struct OnlineWorker {
+    pub(crate) id: String,
+    pub(crate) backend: String,
+    pub(crate) memory_mib: Option<u32>,
+    pub(crate) draining: bool,
+    pub(crate) threads: u32,
+    /// Jobs that it runs.
+    pub(crate) jobs: u32,
+}
+
+/// Online workers.
+const ONLINE: &str =
+    "SELECT me.*, (SELECT count(*) FROM jobs WHERE worker_id = me.id AND state = 'running') AS jobs
+    FROM workers me WHERE me.last_seen_at BETWEEN ? AND ?";
+
+/// Whether a worker has what a group of jobs needs: the condition `fits` of claims, where there is no row of a job.
+pub(crate) fn meets(worker: &OnlineWorker, needs: &Needs) -> bool {
+    needs.backend.as_ref().is_none_or(|backend| *backend == worker.backend)
+        && needs.memory_mib.is_none_or(|needed| worker.memory_mib.is_some_and(|has| needed <= has))
+}
 
 impl Store {
     /// Registers a worker. A repeated registration must have the same solver.
@@ -83,6 +108,27 @@ impl Store {
                 })
             })
             .await
+    }
+
+    /// The online workers.
+    pub(crate) async fn online_workers(
+        &self,
+        now: Timestamp,
+        lease: Duration,
+    ) -> Result<Vec<OnlineWorker>, StoreError> {
+        let (since, until) = online_window(now, lease);
+        let rows = sqlx::query(ONLINE).bind(since.0).bind(until.0).fetch_all(&self.readers).await?;
+        let worker = |row: &SqliteRow| {
+            Ok(OnlineWorker {
+                id: row.column("id")?,
+                backend: row.column("backend")?,
+                memory_mib: row.number_opt("memory_mib")?,
+                draining: row.column("draining")?,
+                threads: row.number("threads")?,
+                jobs: row.number("jobs")?,
+            })
+        };
+        rows.iter().map(worker).collect()
     }
 
     /// Workers, newest first, and the one that the next page starts before.

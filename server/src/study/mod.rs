@@ -135,6 +135,11 @@ impl Study {
         sentences::question(self)
     }
 
+    /// Number of runs in the best case: with fewer its rule cannot end it.
+    pub(crate) fn least_runs(&self) -> u64 {
+        roost_design::forecast::least_runs(&self.question) as u64
+    }
+
     /// Names of its factors.
     pub(crate) fn factor_names(&self) -> Vec<String> {
         self.question.factors.iter().map(|factor| factor.name.clone()).collect()

@@ -58,6 +58,8 @@ async fn every_request_needs_a_token_with_its_scope() {
         (Method::POST, "/v1/workers", Some(&worker), [401, 200, 403, 403, 200]),
         (Method::POST, drain.as_str(), None, [401, 404, 403, 403, 403]),
         (Method::POST, "/v1/validate", Some(&job), [401, 200, 200, 200, 403]),
+        // No study: that is for those who may ask.
+        (Method::POST, "/v1/studies/validate", Some(&job), [401, 422, 422, 422, 403]),
     ] {
         let mut answers = vec![ask(&server, method.clone(), path, None, body).await.0];
         for secret in &secrets {

@@ -23,7 +23,7 @@ fn fill_path(attempt: &Value) -> String {
 
 impl Worker<'_> {
     /// Claims jobs as a worker that shares fills.
-    async fn claim_sharing(&self, max_jobs: u32, wait_s: f64) -> Vec<Value> {
+    pub(crate) async fn claim_sharing(&self, max_jobs: u32, wait_s: f64) -> Vec<Value> {
         let mut request = self.claim_request(max_jobs, wait_s);
         request["shares_fills"] = json!(true);
         let reply = self.server.post("/v1/claims", &request).await.expect(StatusCode::OK);

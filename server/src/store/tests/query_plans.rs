@@ -7,7 +7,7 @@ use super::super::*;
 use super::store;
 
 /// The lines of `EXPLAIN QUERY PLAN`.
-async fn plan(store: &Store, sql: &str) -> String {
+pub(super) async fn plan(store: &Store, sql: &str) -> String {
     let rows = sqlx::query(AssertSqlSafe(format!("EXPLAIN QUERY PLAN {sql}")))
         .fetch_all(&store.readers)
         .await

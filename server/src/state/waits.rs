@@ -1,0 +1,111 @@
+//! Why queued jobs wait, and which jobs come before them.
+
+use roost_api::forecast::{WaitReason, Waiting};
+use roost_api::ids::JobId;
+use roost_api::job::Needs;
+
+use super::AppState;
+use super::farm_view::FarmView;
+use crate::forecast::Batch;
+use crate::queue::{JobsBefore, why_waiting};
+use crate::store::{MAX_COUNTED, QueueGroup, QueuePlace, StoreError, by_owner};
+
+/// Queues of one owner in which the jobs before a place are counted.
+const COUNTED_QUEUES: usize = 32;
+
+impl AppState {
+    /// Why a queued job waits; none in any other state.
+    pub(crate) async fn waiting(&self, id: JobId) -> Result<Option<Waiting>, StoreError> {
+        let Some(stored) = self.store.queued_job(id).await? else { return Ok(None) };
+        let (now, lease) = (self.clock.now(), self.config.lease);
+        let shares_fills = self.config.fill_limit_bytes > 0;
+        let mut sights = self.store.sights(id, shares_fills, now, lease).await?;
+        for (worker, sight) in &mut sights {
+            sight.slots = self.slots.of(worker, &sight.backend, sight.slots, sight.jobs);
+        }
+        let sights: Vec<_> = sights.into_iter().map(|(_, sight)| sight).collect();
+        let view = self.farm_view().await?;
+        let (before, _) = self.before(&view, stored.place, &stored.job.needs).await?;
+        let cause = why_waiting(&stored.job, &sights, before);
+        let has_place = sights.iter().any(|worker| worker.fits && !worker.draining);
+        Ok(Some(Waiting {
+            reason: cause.reason,
+            detail: cause.detail,
+            since: stored.since,
+            until: stored.job.retry_at.filter(|_| cause.reason == WaitReason::RetryPause),
+            behind: has_place.then_some(before.total()),
+            fill_job_id: cause.fill_job,
+        }))
+    }
+
+    /// Jobs that come before a place in the queue, for workers with these needs, and their cost.
+    pub(super) async fn before(
+        &self,
+        view: &FarmView,
+        place: QueuePlace,
+        needs: &Needs,
+    ) -> Result<(JobsBefore, Batch), StoreError> {
+        let groups: Vec<_> =
+            view.groups.iter().filter(|(group, _)| view.compete(&group.needs, needs)).collect();
+        let of = |group: &QueueGroup, jobs: u64| {
+            let estimate_s =
+                groups.iter().find(|(one, _)| one == group).and_then(|(_, estimate_s)| *estimate_s);
+            Batch { jobs, estimate_s: estimate_s.unwrap_or_else(|| view.typical_s()) }
+        };
+        let (mut before, mut batch) = (JobsBefore { is_exact: true, ..Default::default() }, Batch::default());
+        for (group, _) in groups.iter().filter(|(group, _)| group.priority > place.priority) {
+            before.higher += group.jobs;
+            batch = batch.with(of(group, group.jobs));
+        }
+        let competing: Vec<QueueGroup> = groups.iter().map(|(group, _)| group.clone()).collect();
+        let mut owners = by_owner(&competing, place.priority);
+        let mut own = 0;
+        for (index, group) in owners.remove(&place.owner).unwrap_or_default().into_iter().enumerate() {
+            let counted =
+                if index < COUNTED_QUEUES { self.store.jobs_before(group, place).await? } else { u64::MAX };
+            let is_exact = counted <= MAX_COUNTED;
+            // The count has come to at least the maximum.
+            let estimated = || share_before(group, place.position).max(MAX_COUNTED).min(group.jobs);
+            let jobs = if is_exact { counted } else { estimated() };
+            before.is_exact &= is_exact;
+            own += jobs;
+            batch = batch.with(of(group, jobs));
+        }
+        let total = |groups: &[&QueueGroup]| groups.iter().map(|group| group.jobs).sum::<u64>();
+        let others: Vec<_> = owners.iter().map(|(owner, groups)| (*owner, total(groups))).collect();
+        before.same = view.rounds.jobs_before(place.priority, (place.owner, own), others.iter().copied());
+        let all: u64 = others.iter().map(|(_, jobs)| jobs).sum();
+        for group in owners.values().flatten() {
+            let share = (before.same - own) as f64 / all.max(1) as f64;
+            batch = batch.with(of(group, (share * group.jobs as f64).round() as u64));
+        }
+        Ok((before, batch))
+    }
+}
+
+/// The share of a long queue before a position: positions of a sweep count upwards without gaps.
+fn share_before(group: &QueueGroup, position: i64) -> u64 {
+    let span = (group.last - group.first + 1) as f64;
+    let share = ((position - group.first) as f64 / span).clamp(0.0, 1.0);
+    (share * group.jobs as f64) as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_queues_are_shared_by_position() {
+        let group = QueueGroup {
+            priority: 0,
+            owner: 0,
+            queue: 1,
+            needs: Needs::default(),
+            jobs: 1_000_000,
+            first: 500,
+            last: 1_000_499,
+        };
+        let found = [0, 500, 250_500, 1_000_499, 5_000_000].map(|position| share_before(&group, position));
+        assert_eq!(found, [0, 0, 250_000, 999_999, 1_000_000]);
+    }
+}

@@ -1,0 +1,106 @@
+//! Tests of the queries behind reasons and forecasts.
+
+use roost_api::job::Needs;
+use roost_api::time::Timestamp;
+
+use super::super::eligible_jobs::fits;
+use super::super::*;
+use super::query_plans::plan;
+use super::store;
+
+#[tokio::test]
+async fn needs_of_a_group_are_met_as_claims_say() {
+    let (store, _dir) = store().await;
+    let backends = ["cpu", "gpu"];
+    for backend in backends {
+        for memory_mib in [None, Some(0), Some(1000), Some(4000)] {
+            let worker = OnlineWorker {
+                id: "w".to_owned(),
+                backend: backend.to_owned(),
+                memory_mib,
+                draining: false,
+                threads: 1,
+                jobs: 0,
+            };
+            for needed in [None, Some("cpu"), Some("gpu"), Some("")] {
+                for needed_mib in [None, Some(0), Some(1000), Some(1001)] {
+                    let needs = Needs { backend: needed.map(str::to_owned), memory_mib: needed_mib };
+                    let sql = concat!(
+                        "SELECT ",
+                        fits!("j", "me"),
+                        " FROM (SELECT ? AS backend, ? AS memory_mib) AS me,
+                               (SELECT ? AS needs_backend, ? AS needs_memory_mib) AS j"
+                    );
+                    let by_claim: Option<bool> = sqlx::query_scalar(sql)
+                        .bind(backend)
+                        .bind(memory_mib)
+                        .bind(&needs.backend)
+                        .bind(needed_mib)
+                        .fetch_one(&store.readers)
+                        .await
+                        .unwrap();
+                    assert_eq!(meets(&worker, &needs), by_claim.unwrap_or(false), "{worker:?} {needs:?}");
+                }
+            }
+        }
+    }
+    store.close().await;
+}
+
+#[tokio::test]
+async fn reasons_and_forecasts_use_indices_without_sorting() {
+    let (store, _dir) = store().await;
+    let [first, last] = waiting::SWEEP_ENDS;
+    for (sql, index) in [
+        (waiting::SIGHTS, "workers_by_last_seen"),
+        (
+            waiting::SIGHTS,
+            "SEARCH f USING PRIMARY KEY (fill_digest=? AND solver_revision=? AND backend=? AND device=?)",
+        ),
+        (waiting::QUEUES, "INDEX jobs_to_claim (priority=? AND owner=? AND queue=?)"),
+        (waiting::COMMON, "INDEX jobs_to_claim (priority=? AND owner=? AND queue=?)"),
+        (waiting::BEFORE, "INDEX jobs_to_claim (priority=? AND owner=? AND queue=? AND "),
+        (waiting::WAITING_FOR_FILLS, "INDEX jobs_by_sweep (sweep_id=? AND state=?)"),
+        (first, "INDEX jobs_by_sweep (sweep_id=? AND state=?)"),
+        (last, "INDEX jobs_by_sweep (sweep_id=? AND state=?)"),
+        (waiting::IN_PAUSE, "INDEX jobs_by_not_before"),
+        (speeds::FINISHED, "INDEX jobs_ended (state=?)"),
+        (speeds::FINISHED_OF_SWEEP, "INDEX jobs_by_sweep (sweep_id=? AND state=?)"),
+        (speeds::QUEUED, "INDEX jobs_to_claim (priority=? AND owner=? AND queue=? AND "),
+    ] {
+        let steps = plan(&store, sql).await;
+        assert!(steps.contains(index), "{index}: {sql}\n{steps}");
+        // Needs of small sweeps are sorted, and the first of the 1,000 jobs at an end of a sweep.
+        let sorts = steps.matches("TEMP B-TREE").count();
+        let allowed = if [waiting::COMMON, first, last].contains(&sql) { 1 } else { 0 };
+        assert!(sorts <= allowed, "{sql}\n{steps}");
+    }
+    store.close().await;
+}
+
+#[tokio::test]
+async fn a_count_of_jobs_before_a_place_is_bounded() {
+    let (store, _dir) = store().await;
+    let sql = "
+        INSERT INTO scenarios (digest, body) VALUES ('d', '{}');
+        WITH RECURSIVE n (value) AS (SELECT 1 UNION ALL SELECT value + 1 FROM n WHERE value < 3000)
+        INSERT INTO jobs (id, scenario_digest, seed, priority, queue_position, labels, cache, submitted_at)
+        SELECT 'j' || value, 'd', 1, 0, value, '{}', 'use', 0 FROM n;";
+    let write = store
+        .writer
+        .write(move |tx| Box::pin(async move { Ok(sqlx::raw_sql(sql).execute(tx).await.map(drop)?) }));
+    write.await.unwrap();
+    let (groups, _) = store.queue_groups().await.unwrap();
+    assert_eq!(groups.len(), 1);
+    let group = &groups[0];
+    assert_eq!((group.jobs, group.first, group.last), (3000, 1, 3000));
+    let place = |position| QueuePlace { seq: position, priority: 0, owner: 0, queue: 0, position };
+    for (position, expected) in [(1, 0), (500, 499), (1001, 1000), (2900, MAX_COUNTED + 1)] {
+        assert_eq!(store.jobs_before(group, place(position)).await.unwrap(), expected, "{position}");
+    }
+    // A job that was queued again stands behind, whatever its age.
+    assert_eq!(store.jobs_before(group, QueuePlace { seq: 1, ..place(700) }).await.unwrap(), 699);
+    let none = store.online_workers(Timestamp(0), Duration::from_secs(1)).await.unwrap();
+    assert!(none.is_empty());
+    store.close().await;
+}

@@ -1,0 +1,212 @@
+//! Forecasts of jobs, sweeps, studies, and of documents that are not submitted.
+
+use std::time::{Duration, Instant};
+
+use reqwest::StatusCode;
+use roost_api::time::Timestamp;
+use serde_json::{Value, json};
+
+use super::test_server::*;
+
+/// Waits until a forecast is as wanted.
+async fn until(server: &TestServer, path: &str, is_wanted: impl Fn(&Value) -> bool) -> Value {
+    let deadline = Instant::now() + Duration::from_secs(15);
+    loop {
+        let forecast = server.get(path).await.expect(StatusCode::OK);
+        if is_wanted(&forecast) {
+            return forecast;
+        }
+        assert!(Instant::now() < deadline, "{forecast}");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+}
+
+/// Reasons with their numbers of jobs.
+fn reasons(forecast: &Value) -> Vec<(&str, u64)> {
+    let counts = forecast["waiting"].as_array().unwrap().iter();
+    counts.map(|count| (text(&count["reason"]), count["jobs"].as_u64().unwrap())).collect()
+}
+
+fn time(value: &Value) -> Timestamp {
+    serde_json::from_value(value.clone()).unwrap_or_else(|_| panic!("not a time: {value}"))
+}
+
+/// Both ends of a range, in seconds after the forecast was made.
+fn range_s(forecast: &Value, name: &str) -> (f64, f64) {
+    let after = |end: &str| (time(&forecast[name][end]).0 - time(&forecast["made_at"]).0) as f64 / 1000.0;
+    (after("earliest"), after("latest"))
+}
+
+fn sweep(jobs: u64) -> Value {
+    json!({"name": "s", "base": scenario(100), "design": {"kind": "grid"}, "factors": [], "replicates": jobs,
+           "cache": "bypass", "shared_fill": false})
+}
+
+async fn lease_of_a_minute() -> (TestServer, tempfile::TempDir) {
+    TestServer::with(|config| config.lease = Duration::from_secs(60)).await
+}
+
+#[tokio::test]
+async fn a_sweep_has_reasons_and_learns_from_its_runs() {
+    let (server, _dir) = lease_of_a_minute().await;
+    let id = server.post("/v1/sweeps", &sweep(12)).await.expect(StatusCode::CREATED)["id"].clone();
+    let path = format!("/v1/sweeps/{}/forecast", text(&id));
+    let nobody = server.get(&path).await.expect(StatusCode::OK);
+    assert_eq!(reasons(&nobody), [("no_worker", 12)]);
+    assert_eq!(
+        (&nobody["end"], &nobody["no_forecast"], &nobody["basis"]),
+        (&Value::Null, &json!("no worker is online"), &Value::Null)
+    );
+
+    let worker = server.worker("cpu").await;
+    let guess = until(&server, &path, |forecast| forecast["end"].is_object()).await;
+    assert_eq!(reasons(&guess), [("next", 1), ("behind", 11)]);
+    assert_eq!(guess["no_forecast"], Value::Null);
+    assert_eq!(guess["basis"]["learned_from"], "nothing");
+    assert_eq!((&guess["basis"]["workers"], &guess["basis"]["slots"]), (&json!(1), &json!(1)));
+    assert_eq!(guess["runs_left"], json!({"least": 12, "most": 12}));
+    assert_eq!(range_s(&guess, "start"), (0.0, 0.0), "a slot is free");
+    let (low_s, high_s) = range_s(&guess, "end");
+    assert!(low_s > 0.0 && high_s > 2.0 * low_s, "a wide guess: {low_s} to {high_s} s");
+
+    // Runs of 0.3 s, whatever the check expects.
+    for _ in 0..6 {
+        let attempt = worker.claim_one().await;
+        tokio::time::sleep(Duration::from_millis(300)).await;
+        worker.deliver(&attempt).await.expect(StatusCode::OK);
+    }
+    let running = worker.claim_one().await;
+    let learned = until(&server, &path, |forecast| forecast["basis"]["finished_runs"] == 6).await;
+    assert_eq!(learned["basis"]["learned_from"], "sweep");
+    assert_eq!(reasons(&learned), [("workers_busy", 1), ("behind", 4)]);
+    assert_eq!(
+        (&learned["start"], &learned["runs_left"]["most"]),
+        (&Value::Null, &json!(6)),
+        "it has started"
+    );
+    let (low_s, high_s) = range_s(&learned, "end");
+    assert!(low_s > 1.0 && high_s < 6.0, "5 runs of 0.3 s and the rest of one: {low_s} to {high_s} s");
+
+    let pause = server.post(&format!("/v1/sweeps/{}/pause", text(&id)), &json!({})).await;
+    pause.expect(StatusCode::OK);
+    worker.deliver(&running).await.expect(StatusCode::OK);
+    let paused =
+        until(&server, &path, |forecast| forecast["runs_left"]["most"] == 5 && forecast["end"].is_null())
+            .await;
+    assert_eq!(reasons(&paused), [("paused", 5)]);
+    assert_eq!(paused["no_forecast"], "every job that has not ended is paused");
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn a_job_starts_after_those_before_it() {
+    let (server, _dir) = lease_of_a_minute().await;
+    let worker = server.worker("cpu").await;
+    for seed in 1..=6 {
+        server.submit(&envelope(seed)).await;
+        let attempt = worker.claim_one().await;
+        tokio::time::sleep(Duration::from_millis(200)).await;
+        worker.deliver(&attempt).await.expect(StatusCode::OK);
+    }
+    server.post("/v1/sweeps", &sweep(20)).await.expect(StatusCode::CREATED);
+    let mut last = envelope(50);
+    last["priority"] = json!(-1);
+    let id = server.submit(&last).await["id"].clone();
+    let path = format!("/v1/jobs/{}/forecast", text(&id));
+    let waiting = until(&server, &path, |forecast| forecast["basis"]["finished_runs"] == 6).await;
+    assert_eq!(
+        waiting["waiting"],
+        json!([{"reason": "behind", "jobs": 1, "detail": "behind 20 jobs, all of higher priority"}])
+    );
+    assert_eq!(waiting["basis"]["learned_from"], "backend");
+    let (start, end) = (range_s(&waiting, "start"), range_s(&waiting, "end"));
+    assert!(start.0 > 2.0 && start.1 < 12.0, "20 runs of about 0.2 s: {start:?}");
+    assert!(end.0 > start.0 && end.1 > start.1, "{end:?}");
+    // Among other reasons, the best place: the forecast follows.
+    server.post(&format!("/v1/jobs/{}/pause", text(&id)), &json!({})).await.expect(StatusCode::OK);
+    let paused = until(&server, &path, |forecast| forecast["end"].is_null()).await;
+    assert_eq!(paused["no_forecast"], "a user has paused it");
+
+    let first = worker.claim_one().await;
+    worker.beat(&first, progress(0.5)).await;
+    let path = format!("/v1/jobs/{}/forecast", text(&first["job_id"]));
+    let running = until(&server, &path, |forecast| forecast["end"].is_object()).await;
+    assert_eq!((&running["start"], &running["waiting"]), (&Value::Null, &json!([])));
+    let (low_s, high_s) = range_s(&running, "end");
+    assert!(low_s > 0.05 && high_s < 0.2, "half of it took 0.1 s: {low_s} to {high_s} s");
+    worker.deliver(&first).await.expect(StatusCode::OK);
+    let ended = until(&server, &path, |forecast| forecast["end"].is_null()).await;
+    assert_eq!(ended["no_forecast"], "the job has ended");
+    assert_eq!(server.get("/v1/jobs/01890000-0000-7000-8000-000000000000/forecast").await.status, 404);
+    server.stop().await;
+}
+
+fn question(level: f64, max_runs: u64) -> Value {
+    json!({"name": "gate", "base": scenario(1),
+           "factors": [{"pointer": "/equipment/gate_opening_m", "low": 0.03, "high": 0.09}],
+           "goal": {"boundary": {"of": {"probability": "jammed"}, "level": level}}, "budget": {"max_runs": max_runs}})
+}
+
+#[tokio::test]
+async fn a_study_is_forecast_before_and_after_its_submission() {
+    let (server, _dir) = lease_of_a_minute().await;
+    let validate = async |document: Value| server.post("/v1/studies/validate", &document).await;
+    let report = validate(question(0.05, 40)).await.expect(StatusCode::OK);
+    assert_eq!(report["shortage"], "the best case needs 59 runs, and the budget is 40");
+    let forecast = &report["forecast"];
+    assert_eq!(forecast["runs"], json!({"least": 40, "most": 40}));
+    assert_eq!(
+        (&forecast["duration"], &forecast["end"], &forecast["no_forecast"]),
+        (&Value::Null, &Value::Null, &json!("no worker is online"))
+    );
+    assert!(
+        forecast["processor"]["longest_s"].as_f64() > forecast["processor"]["shortest_s"].as_f64(),
+        "{forecast}"
+    );
+    assert_eq!(server.get("/v1/studies").await.body["items"], json!([]), "nothing is stored");
+    let no_study = validate(scenario(1)).await.problem(422, "invalid-document");
+    assert_eq!(no_study["errors"][0]["pointer"], "/goal");
+
+    let worker = server.worker("cpu").await;
+    let deadline = Instant::now() + Duration::from_secs(10);
+    let report = loop {
+        let report = validate(question(0.05, 300)).await.expect(StatusCode::OK);
+        if report["forecast"]["end"].is_object() {
+            break report;
+        }
+        assert!(Instant::now() < deadline, "{report}");
+    };
+    assert_eq!(
+        (&report["shortage"], &report["min_jobs"], &report["jobs"]),
+        (&Value::Null, &json!(59), &json!(300))
+    );
+    let duration = &report["forecast"]["duration"];
+    assert!(
+        duration["longest_s"].as_f64().unwrap() > 5.0 * duration["shortest_s"].as_f64().unwrap(),
+        "{duration}"
+    );
+    let swept = server.post("/v1/validate", &sweep(4)).await.expect(StatusCode::OK);
+    assert_eq!(swept["forecast"]["runs"], json!({"least": 4, "most": 4}));
+    assert!(swept["forecast"]["end"].is_object(), "{swept}");
+
+    let study = server.post("/v1/studies", &question(0.05, 300)).await.expect(StatusCode::CREATED);
+    let path = format!("/v1/studies/{}/forecast", text(&study["id"]));
+    let first = until(&server, &path, |forecast| forecast["end"].is_object()).await;
+    assert_eq!(first["runs_left"], json!({"least": 59, "most": 300}));
+    assert_eq!(reasons(&first)[0], ("next", 1));
+    let result = worker.claim_one().await;
+    worker.deliver(&result).await.expect(StatusCode::OK);
+    until(&server, &path, |forecast| forecast["runs_left"] == json!({"least": 58, "most": 299})).await;
+
+    let verb = async |verb: &str| {
+        let path = format!("/v1/studies/{}/{verb}", text(&study["id"]));
+        server.post(&path, &json!({})).await.expect(StatusCode::OK)
+    };
+    verb("pause").await;
+    let paused = until(&server, &path, |forecast| forecast["no_forecast"] == "the study is paused").await;
+    assert_eq!((&paused["end"], reasons(&paused)[0].0), (&Value::Null, "paused"));
+    verb("cancel").await;
+    let ended = until(&server, &path, |forecast| forecast["runs_left"]["most"] == 0).await;
+    assert_eq!(ended["no_forecast"], "all runs have ended");
+    server.stop().await;
+}
