@@ -4,7 +4,10 @@ import type { Schemas } from "../../target/dashboard/openapi";
 
 declare global {
   // The API.
+  type CostForecast = Schemas["CostForecast"];
+  type DurationRange = Schemas["DurationRange"];
   type FailureClass = Schemas["FailureClass"];
+  type ForecastBasis = Schemas["ForecastBasis"];
   type JobState = Schemas["JobState"];
   type JobView = Schemas["JobView"];
   type OutputTable = Schemas["OutputTable"];
@@ -22,6 +25,8 @@ declare global {
   type JobSeries = Schemas["JobSeries"];
   type SweepSpec = Schemas["SweepSpec"];
   type SweepView = Schemas["SweepView"];
+  type TimeForecast = Schemas["Forecast"];
+  type TimeRange = Schemas["TimeRange"];
   type TrialRow = Schemas["TrialRow"];
   type ValidationReport = Schemas["ValidationReport"];
   type WorkerView = Schemas["WorkerView"];

@@ -56,6 +56,18 @@ export function dateTime(at) {
 }
 
 /**
+ * A range of time in the viewer's time zone: "14:05 to 14:20", with the date unless it is today.
+ * @param {TimeRange} range
+ */
+export function timeRange({ earliest, latest }) {
+  const [first, last] = [new Date(earliest), new Date(latest)], today = new Date(now()).toDateString();
+  const shown = (/** @type {Date} */ at, /** @type {string} */ known) =>
+    at.toLocaleString("en-GB", at.toDateString() === known ? { timeStyle: "short" } : { dateStyle: "medium", timeStyle: "short" });
+  const [from, to] = [shown(first, today), shown(last, first.toDateString())];
+  return first.toDateString() === last.toDateString() && from.endsWith(to) ? from : `${from} to ${to}`;
+}
+
+/**
  * The last part of a name that has this unit: `_kg_m3` for kg/m³.
  * @param {string} unit
  */

@@ -41,6 +41,8 @@ fn jobs_can_be_cancelled_and_retried_and_their_curves_grow() {
 
     page.open(&format!("/sweeps/{id}"));
     page.until("the actions", "find.control('Cancel')");
+    let forecast = "document.querySelector('#forecast')?.textContent";
+    page.until("when it ends", &format!("{forecast}.match(/Expected to end \\d.* to .*\\d\\./)"));
     // An event leaves an open dialog and its text as they are.
     page.click_named("Extend");
     page.write("More replicates of every point", "3");
@@ -105,5 +107,7 @@ fn failures_by_class_link_to_their_jobs() {
     page.click_named("Retry");
     page.until("it waits", &format!("{STATE} === 'queued'"));
     page.until("there is no result", "!find.card('Computation')");
+    let reason = "document.querySelector('#forecast')?.textContent";
+    page.until("it says why it waits", &format!("{reason}.includes('Waits: no worker is online')"));
     assert!(page.errors().is_empty());
 }

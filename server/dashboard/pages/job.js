@@ -10,6 +10,7 @@ import { action, errorBox, facts, isEnded, requested, responseLabel, state, tabl
 import { player } from "../playback/player.js";
 import { curveKey, curvesOf, linePlot } from "../plots/curves.js";
 import { panel } from "../plots/plot.js";
+import { forecastOf } from "../sections/forecast.js";
 
 /** @param {HTMLElement} main @param {string} id */
 export async function show(main, id) {
@@ -17,8 +18,8 @@ export async function show(main, id) {
   /** @type {JobView} */
   let job = await read(at);
   const [head, errors, plots, rest] = [h("div"), h("div"), h("div", { class: "grid" }), h("div")];
-  const playback = h("div"), title = h("h1"), bar = h("div", { class: "row" });
-  main.append(h("div", { class: "row spread" }, title, bar), head, errors, playback, plots, rest);
+  const forecast = forecastOf(at), playback = h("div"), title = h("h1"), bar = h("div", { class: "row" });
+  main.append(h("div", { class: "row spread" }, title, bar), head, forecast.element, errors, playback, plots, rest);
 
   function drawHead() {
     const name = job.sweep_id ? `Point ${job.point}, seed ${job.seed}` : `Job ${shortId(job.id)}`;
@@ -107,6 +108,7 @@ export async function show(main, id) {
   const update = (/** @type {JobView} */ view) => {
     job = view;
     drawHead();
+    forecast.update(isEnded(job.state));
     drawResult(resultKey());
     drawFrames(framesKey());
   };

@@ -8,6 +8,7 @@ import { duration, factorLabel, plural, number } from "../format.js";
 import { action, choice, errorBox, facts, parameter, setParameters } from "../parts.js";
 import { readSchema } from "../schema.js";
 import { fields, sections, isFor, linkedTo, pointersOf, readField, whyUnreadable, writeField } from "../document.js";
+import { costFacts } from "../sections/forecast.js";
 
 /** Key of session storage. */
 const DRAFT = "draft of a sweep";
@@ -156,14 +157,14 @@ export async function show(main) {
     }
   }
   /** @param {ValidationReport} report */
-  function showEstimate({ jobs, estimate, wall_s }) {
+  function showEstimate({ jobs, estimate, wall_s, forecast }) {
     const submit = action(`Submit ${plural(jobs, "job")}`, async () => {
       const { id } = await submitSweep(sweep);
       sessionStorage.removeItem(DRAFT);
       location.href = `/sweeps/${id}`;
     }, { is_main: true });
     fill(verdict, h("div", { class: "row spread" }, facts([["Jobs", jobs.toLocaleString("en")], ["Sub-particles per job", number(estimate.subparticles)], ["Steps", number(estimate.steps)],
-      ["Memory", `${number(estimate.memory_bytes / 2 ** 20, 3)} MiB`], ["Time per job", duration(estimate.wall_s)], ["Time of all jobs, one after another", duration(wall_s)]]), submit),
+      ["Memory", `${number(estimate.memory_bytes / 2 ** 20, 3)} MiB`], ["Time per job", duration(estimate.wall_s)], ["Time of all jobs, one after another", duration(wall_s)], ...(forecast ? costFacts(forecast) : [])]), submit),
       estimate.warnings.map((warning) => h("p", {}, warning)));
   }
   changed(sweep, { is_redrawn: true });

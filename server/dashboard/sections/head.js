@@ -3,9 +3,10 @@
 
 import { idempotentPost, post } from "../api.js";
 import { fill, h } from "../dom.js";
-import { duration, factorLabel, plural, dateTime } from "../format.js";
+import { factorLabel, plural, dateTime } from "../format.js";
 import { action, counts, facts, failures, progress, state, stateOfSweep, total } from "../parts.js";
 import { extend, retry } from "./extend.js";
+import { forecastOf } from "./forecast.js";
 
 /** The speed is averaged over this time. */
 const WINDOW_MS = 300e3;
@@ -15,13 +16,14 @@ const WINDOW_MS = 300e3;
  * @param {string} at path of the sweep @param {SweepView} sweep @param {(sweep: SweepView) => void} changed
  */
 export function head(at, sweep, changed) {
-  const element = h("div"), speed = speedometer(), buttons = actions(at, sweep, changed), bar = h("div", { class: "row" }, buttons.elements);
+  const top = h("div"), forecast = forecastOf(at), element = h("div", {}, top, forecast.element), speed = speedometer(), buttons = actions(at, sweep, changed), bar = h("div", { class: "row" }, buttons.elements);
   /** @param {SweepView} sweep */
   function draw(sweep) {
     speed.add(sweep);
     buttons.update(sweep);
     document.title = `${Math.floor(100 * sweep.fraction)} % ${sweep.name} · Roost`;
-    fill(element, progress(sweep, true),
+    forecast.update(sweep.counts.queued + sweep.counts.running === 0);
+    fill(top, progress(sweep, true),
       h("div", { class: "row" }, state(stateOfSweep(sweep.counts)), h("span", {}, `${(100 * sweep.fraction).toFixed(1)} % of ${plural(total(sweep.counts), "job")}`),
         h("span", { class: "row counts" }, counts(sweep.counts), (sweep.paused ?? 0) > 0 && h("span", { class: "dim" }, `${(sweep.paused ?? 0).toLocaleString("en")} paused`)), failures(sweep, `/sweeps/${sweep.id}`), speed.text(sweep)),
       facts([["Design", `${sweep.design.replaceAll("_", " ")}: ${plural(sweep.points, "point")} × ${sweep.replicates}`],
@@ -31,7 +33,7 @@ export function head(at, sweep, changed) {
   return { element, bar, draw };
 }
 
-/** Jobs per hour over the last minutes, and the time left at this speed. */
+/** Jobs per hour over the last minutes. */
 function speedometer() {
   /** @type {{ at: number, fraction: number }[]} */
   const samples = [];
@@ -46,7 +48,7 @@ function speedometer() {
       const first = samples[0], last = samples[samples.length - 1], gained = last.fraction - first.fraction;
       if (gained <= 0 || last.at - first.at < 2000 || sweep.fraction >= 1) return null;
       const per_s = (1000 * gained) / (last.at - first.at);
-      return h("span", { class: "dim" }, `${(3600 * per_s * total(sweep.counts)).toPrecision(3)} jobs per hour, ${duration((1 - sweep.fraction) / per_s)} left`);
+      return h("span", { class: "dim" }, `${(3600 * per_s * total(sweep.counts)).toPrecision(3)} jobs per hour`);
     },
   };
 }

@@ -6,6 +6,7 @@ import { fill, h, withCode } from "../dom.js";
 import { dateTime, factorLabel, plural } from "../format.js";
 import { action, facts } from "../parts.js";
 import { dialog } from "./extend.js";
+import { forecastOf } from "./forecast.js";
 
 /** The reasons why a study is finished. */
 const ENDS = { by_rule: "as certain as asked", by_budget: "budget spent", nothing_left: "no point left to run" };
@@ -36,7 +37,7 @@ export function runsBar({ name, runs }, is_large = false) {
  * @param {string} at path of the study @param {StudyView} first @param {(study: StudyView) => void} changed
  */
 export function studyHead(at, first, changed) {
-  const runs = h("div"), words = h("section", { class: "card" }), buttons = actions(at, first, changed);
+  const top = h("div"), forecast = forecastOf(at), runs = h("div", {}, top, forecast.element), words = h("section", { class: "card" }), buttons = actions(at, first, changed);
   /** @param {StudyView} study */
   function draw(study) {
     buttons.update(study);
@@ -45,6 +46,9 @@ export function studyHead(at, first, changed) {
     const count = (/** @type {number} */ number, /** @type {string} */ word) => h("span", {}, `${number.toLocaleString("en")} ${word}`);
     fill(runs, runsBar(study, true),
       h("div", { class: "row", id: "runs" }, stateOfStudy(study), count(done, "done"), count(failed, "failed"), count(pending, "pending"), cancelled > 0 && count(cancelled, "cancelled"), (outside_budget ?? 0) > 0 && count(outside_budget ?? 0, "outside the budget"),
+    forecast.update(["finished", "cancelled"].includes(study.state));
+    fill(top, runsBar(study, true),
+      h("div", { class: "row", id: "runs" }, stateOfStudy(study), count(done, "done"), count(failed, "failed"), count(pending, "pending"), cancelled > 0 && count(cancelled, "cancelled"),
         h("span", {}, `budget of ${plural(max_runs, "run")}`), h("a", { href: `/sweeps/${study.id}` }, "Results and runs in flight")),
       facts([["Factors", study.factors.map((pointer) => factorLabel(pointer, study.factors)).join(", ")], ["Points", study.points.toLocaleString("en")],
         ["Submitted", dateTime(study.submitted_at)], ["Answered", dateTime(study.answered_at)], ["Identifier", h("span", { class: "mono" }, study.id)]]));
