@@ -14,6 +14,7 @@ mod effects;
 mod exit;
 mod extend;
 mod farm;
+mod forecast;
 mod frames;
 mod interval;
 mod list;
@@ -138,7 +139,7 @@ impl Command {
             Self::Results(args) => results::execute(args).await,
             Self::Effects(args) => effects::execute(args).await,
             Self::Compare(args) => compare::execute(args).await,
-            Self::Validate(args) => validate::execute(&args),
+            Self::Validate(args) => validate::execute(args, false).await,
             Self::Cancel(args) => cancel::execute(args).await,
             Self::Pause(args) => pause::pause(args).await,
             Self::Resume(args) => pause::resume(args).await,

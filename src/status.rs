@@ -1,15 +1,16 @@
 //! `roost status`: the progress of a sweep or a job.
 
 use anyhow::Result;
+use roost_api::forecast::Forecast;
 use roost_api::job::{FilledBy, JobView};
 use roost_terminal::{Exit, message, print_json, print_line, print_lines};
 use serde_json::json;
 use uuid::Uuid;
 
 use crate::target::{self, Target};
-use crate::{list, run};
+use crate::{forecast, list, run};
 
-/// Show the progress of a sweep or a job
+/// Show the progress of a sweep or a job, why it waits, and when it is expected to start and end
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep or a job
@@ -30,7 +31,11 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
             if args.json {
                 print_json(&json!(sweep))?;
             } else {
+                let (id, is_ended) = (sweep.id, sweep.counts.is_ended());
                 print_lines(format_args!("{}\n{}\n", list::sweeps(&[sweep]), list::jobs(&page.items)))?;
+                if !is_ended {
+                    print_forecast(&client.sweep_forecast(id).await?)?;
+                }
                 if page.next_cursor.is_some() {
                     message!("only the newest 100 jobs are shown; `roost results {}` has all", args.id);
                 }
@@ -63,10 +68,20 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
                 if let Some(message) = &job.failure_message {
                     print_line(format_args!("{message}"))?;
                 }
+                if !job.state.is_ended() {
+                    print_forecast(&client.job_forecast(job.id).await?)?;
+                }
             }
         }
     }
     Ok(Exit::Done)
+}
+
+fn print_forecast(forecast: &Forecast) -> Result<()> {
+    for line in forecast::lines(forecast) {
+        print_line(line)?;
+    }
+    Ok(())
 }
 
 /// Where the filled state of a job came from, where that is worth a line.

@@ -27,6 +27,24 @@ impl Server {
     }
 }
 
+/// The server of a command that needs none.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct OptionalServer {
+    /// Address of a server: forecast the time of completion on its workers, not on this machine. It must have the STL files
+    #[arg(long, value_name = "URL")]
+    server: Option<String>,
+    #[command(flatten)]
+    access: Access,
+}
+
+impl OptionalServer {
+    /// A client, if a server is named.
+    pub(crate) fn client(&self) -> Result<Option<Client>> {
+        let Some(server) = &self.server else { return Ok(None) };
+        Ok(Some(Client::with_credentials(server, &self.access.read()?)?))
+    }
+}
+
 /// Credentials for the server. A token is never an argument, since other users can see those.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct Access {

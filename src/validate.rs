@@ -4,37 +4,68 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use roost_api::Fault;
+use roost_api::time::Timestamp;
 use roost_api::validate::{MeshReport, ValidationReport};
 use roost_server::{Limits, ServerConfig};
-use roost_terminal::{Exit, format, input, print_json, print_line};
+use roost_terminal::{BadInput, Exit, format, input, print_json, print_line};
 use serde_json::json;
 
+use crate::document::DocumentKind;
 use crate::meshes::{self, Resolved};
+use crate::{forecast, target};
 
 /// Check a scenario, a sweep or a study without simulating it
 ///
-/// Prints the cost (sub-particles, steps, memory, time) and a description of its meshes. For an invalid document, prints every
-/// fault with its JSON pointer, the value and the allowed values.
+/// Prints the cost (sub-particles, steps, memory), a description of its meshes, and a forecast of runs, hours of processor time and
+/// the time of completion as ranges: on the processors of this machine, or with `--server` on the workers of a server. For an invalid
+/// document, prints every fault with its JSON pointer, the value and the allowed values.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// JSON file with a scenario, a sweep (which has a `base`) or a study (which has a `goal`); `-` reads stdin
     file: PathBuf,
+    #[command(flatten)]
+    server: target::OptionalServer,
     /// Print JSON: the report, or `{"valid": false, "errors": […]}`
     #[arg(long)]
     json: bool,
 }
 
-pub(crate) fn execute(args: &Args) -> Result<Exit> {
-    let resolved = meshes::resolve(&args.file, input::read_document(&args.file)?).without_server();
+/// Checks a document; `is_study` refuses any other.
+pub(crate) async fn execute(args: Args, is_study: bool) -> Result<Exit> {
+    let document = input::read_document(&args.file)?;
+    if is_study && DocumentKind::of(&document) != DocumentKind::Study {
+        let name = input::display_name(&args.file);
+        return Err(BadInput(format!("{name} is no study: a study has a `goal` and a `base`")).into());
+    }
+    let resolved = meshes::resolve(&args.file, document).without_server();
     let max_jobs = ServerConfig::default().max_jobs_per_sweep;
     let report =
         roost_server::validate(resolved.document.clone(), &resolved.meshes, &Limits::default(), max_jobs);
     let faults = resolved.with_faults(report.as_ref().err().cloned().unwrap_or_default());
     match report {
-        Ok(report) if faults.is_empty() => print_report(args, &resolved, &report)?,
-        _ => return report_faults(args, &faults),
+        Ok(report) if faults.is_empty() => {
+            let report = with_forecast(&args, &resolved, report).await?;
+            print_report(&args, &resolved, &report)?;
+        }
+        _ => return report_faults(&args, &faults),
     }
     Ok(Exit::Done)
+}
+
+/// Adds the forecast: of the server if one is named, else of this machine.
+async fn with_forecast(
+    args: &Args,
+    resolved: &Resolved,
+    report: ValidationReport,
+) -> Result<ValidationReport> {
+    let forecast = match args.server.client()? {
+        Some(client) => client.validate(&resolved.document).await?.forecast,
+        None => {
+            let processors = std::thread::available_parallelism().map_or(1, usize::from);
+            Some(roost_server::on_this_machine(&report, processors, Timestamp::now()))
+        }
+    };
+    Ok(ValidationReport { forecast, ..report })
 }
 
 fn report_faults(args: &Args, faults: &[Fault]) -> Result<Exit> {
@@ -86,6 +117,15 @@ fn print_report(args: &Args, resolved: &Resolved, report: &ValidationReport) -> 
         format::bytes(estimate.memory_bytes),
         format::duration(estimate.wall_s)
     ))?;
+    let place = if args.server.client()?.is_some() { "on the present workers" } else { "on this machine" };
+    if let Some(forecast) = &report.forecast {
+        for line in forecast::cost_lines(forecast, place) {
+            print_line(format_args!("  forecast: {line}"))?;
+        }
+    }
+    if let Some(shortage) = &report.shortage {
+        print_line(format_args!("  warning: the budget is too small for the asked confidence: {shortage}"))?;
+    }
     for mesh in &report.meshes {
         print_line(format_args!("  mesh {}: {}", resolved.name(&mesh.digest), describe(mesh)))?;
     }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
+use roost_api::forecast::Forecast;
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{FailureClass, JobState, JobView};
 use roost_api::sweep::{StateCounts, SweepView};
@@ -13,9 +14,12 @@ use roost_worker::client::{Client, ClientError};
 use serde_json::Value;
 use tokio_util::sync::CancellationToken;
 
+use crate::forecast;
 use crate::run::describe;
 
 const POLL_INTERVAL: Duration = Duration::from_millis(500);
+/// Interval between two reads of the forecast.
+const FORECAST_INTERVAL: Duration = Duration::from_secs(3);
 /// Maximum number of bars of running jobs.
 const MAX_JOB_BARS: u32 = 8;
 const STOPPED: &str = "stopped waiting; the jobs continue at the server";
@@ -28,6 +32,7 @@ pub(crate) async fn sweep(client: &Client, id: SweepId, shutdown: &CancellationT
     let bars = Bars::default();
     let mut sweep_bar = bars.add(format!("{:<NAME_WIDTH$}", "sweep"));
     let mut job_bars: BTreeMap<JobId, Bar> = BTreeMap::new();
+    let mut forecasts = Forecasts::default();
     loop {
         let view = retrying(|| client.sweep(id), shutdown).await?;
         let counts = view.counts;
@@ -38,14 +43,9 @@ pub(crate) async fn sweep(client: &Client, id: SweepId, shutdown: &CancellationT
             sweep_bar.finish(fraction, &text);
             return Ok(view);
         }
-        let left = format::time_left(view.fraction, elapsed_s).map(|left| format!(" · {left}"));
-        let text = format!(
-            "{} of {} jobs done, {} running{}",
-            counts.ended(),
-            counts.total(),
-            counts.running,
-            left.unwrap_or_default()
-        );
+        let ends = forecasts.next(|| client.sweep_forecast(id)).await;
+        let text =
+            format!("{} of {} jobs done, {} running{ends}", counts.ended(), counts.total(), counts.running);
         sweep_bar.update(view.fraction, &text);
 
         let state = Some(JobState::Running);
@@ -57,6 +57,30 @@ pub(crate) async fn sweep(client: &Client, id: SweepId, shutdown: &CancellationT
             update(job_bars.entry(job.id).or_insert_with(add_bar), job);
         }
         pause(shutdown).await?;
+    }
+}
+
+/// The newest forecast as the end of a line, read every few seconds.
+#[derive(Default)]
+pub(crate) struct Forecasts {
+    read: Option<Instant>,
+    text: String,
+}
+
+impl Forecasts {
+    /// The text; empty without a forecast. A failed request changes nothing: older servers have none.
+    pub(crate) async fn next<F>(&mut self, request: impl FnOnce() -> F) -> &str
+    where
+        F: Future<Output = Result<Forecast, ClientError>>,
+    {
+        if self.read.is_none_or(|read| read.elapsed() >= FORECAST_INTERVAL) {
+            self.read = Some(Instant::now());
+            if let Ok(Ok(forecast)) = tokio::time::timeout(FORECAST_INTERVAL, request()).await {
+                self.text =
+                    forecast::ends_in(&forecast).map_or_else(String::new, |ends| format!(" · {ends}"));
+            }
+        }
+        &self.text
     }
 }
 
@@ -77,6 +101,7 @@ fn end_of_sweep(counts: StateCounts, elapsed_s: f64) -> (f64, String) {
 pub(crate) async fn job(client: &Client, id: JobId, shutdown: &CancellationToken) -> Result<JobView> {
     let mut bar = Bar::new("job");
     let mut fraction = 0.0;
+    let mut forecasts = Forecasts::default();
     loop {
         let view = retrying(|| client.job(id), shutdown).await?;
         if view.state.is_ended() {
@@ -85,7 +110,14 @@ pub(crate) async fn job(client: &Client, id: JobId, shutdown: &CancellationToken
             return Ok(view);
         }
         fraction = view.progress.as_ref().map_or(fraction, |progress| progress.fraction);
-        update(&mut bar, &view);
+        match view.state {
+            JobState::Queued => {
+                let reason = view.waiting.as_ref().map_or_else(String::new, |it| format!(": {}", it.detail));
+                let ends = forecasts.next(|| client.job_forecast(id)).await;
+                bar.update(0.0, &format!("queued{reason}{ends}"));
+            }
+            _ => update(&mut bar, &view),
+        }
         pause(shutdown).await?;
     }
 }

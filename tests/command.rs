@@ -370,3 +370,26 @@ fn validate_prints_the_cost() {
     let (job_s, all_s) = (report["estimate"]["wall_s"].as_f64().unwrap(), report["wall_s"].as_f64().unwrap());
     assert!((5.0..7.0).contains(&(all_s / job_s)), "points differ a little: {report:#}");
 }
+
+#[test]
+fn a_study_is_forecast_without_a_server() {
+    let sandbox = Sandbox::new();
+    let mut study = json!({"name": "gate", "base": hopper_scenario(0.4), "budget": {"max_runs": 40},
+        "factors": [{"pointer": "/equipment/gate_opening_m", "low": 0.03, "high": 0.09}],
+        "goal": {"boundary": {"of": {"probability": "jammed"}, "level": 0.05}}});
+    let text = stdout(&run(&["study", "validate", &sandbox.file("small.json", &study)]));
+    assert!(text.contains("confidence: the best case needs 59 runs, and the budget is 40"), "{text}");
+    study["budget"]["max_runs"] = json!(300);
+    let file = sandbox.file("study.json", &study);
+    let text = stdout(&run(&["study", "validate", &file]));
+    assert!(
+        text.contains("forecast: 59 to 300 runs, ") && text.contains(" on this machine, done at "),
+        "{text}"
+    );
+    let report: Value = serde_json::from_str(&stdout(&run(&["study", "validate", "--json", &file]))).unwrap();
+    assert_eq!(report["forecast"]["runs"], json!({"least": 59, "most": 300}));
+    assert!(
+        refused(&["study", "validate", &sandbox.file("scenario.json", &hopper_scenario(0.4))])
+            .contains("is no study")
+    );
+}

@@ -1,12 +1,10 @@
 //! `roost study watch`: follows a study to its end, with a progress bar.
 
-use std::time::Instant;
-
 use anyhow::Result;
 use roost_api::ids::SweepId;
 use roost_api::study::{StudyState, StudyView};
 use roost_terminal::progress::Bar;
-use roost_terminal::{Exit, format, signals};
+use roost_terminal::{Exit, signals};
 use roost_worker::client::Client;
 use tokio_util::sync::CancellationToken;
 
@@ -33,19 +31,16 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
 /// Follows a study until it is finished or cancelled. A signal ends only the waiting.
 pub(super) async fn follow(client: &Client, id: SweepId, shutdown: &CancellationToken) -> Result<StudyView> {
     let mut bar = Bar::new("study");
-    let started = Instant::now();
-    let mut first = None;
+    let mut forecasts = watch::Forecasts::default();
     loop {
         let study = watch::retrying(|| client.study(id), shutdown).await?;
-        let (fraction, elapsed_s) = (fraction(&study), started.elapsed().as_secs_f64());
+        let fraction = fraction(&study);
         if matches!(study.state, StudyState::Finished | StudyState::Cancelled) {
             bar.finish(fraction, &show::runs(&study));
             return Ok(study);
         }
-        // Runs that had ended before say nothing about the speed now.
-        let ended = ended(&study);
-        let speed = (ended - *first.get_or_insert(ended)) as f64 / elapsed_s;
-        bar.update(fraction, &progress(&study, speed));
+        let ends = forecasts.next(|| client.study_forecast(id)).await;
+        bar.update(fraction, &progress(&study, ends));
         watch::pause(shutdown).await?;
     }
 }
@@ -60,15 +55,12 @@ fn fraction(study: &StudyView) -> f64 {
     ended(study) as f64 / study.runs.max_runs.max(1) as f64
 }
 
-/// One line about a study, at a number of runs per second: its runs, the range of the time left, the answer so far.
-fn progress(study: &StudyView, runs_per_s: f64) -> String {
-    let mut parts = vec![show::runs(study)];
+/// One line about a study: its runs, the forecast of its end as ` · …`, the answer so far.
+fn progress(study: &StudyView, ends: &str) -> String {
+    let mut parts =
+        vec![format!("{}{}", show::runs(study), if study.state == StudyState::Paused { "" } else { ends })];
     if study.state == StudyState::Paused {
         parts.push("paused".to_owned());
-    } else if runs_per_s > 0.0 {
-        // The rule may end the study with the next result; the budget ends it at the latest.
-        let left = study.runs.max_runs.saturating_sub(ended(study)) as f64;
-        parts.push(format!("0 s to {} left", format::duration(left / runs_per_s)));
     }
     parts.extend(study.answer.first().cloned());
     parts.join(" · ")
@@ -86,15 +78,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn progress_has_runs_time_left_and_the_answer_so_far() {
+    fn progress_has_runs_the_end_and_the_answer_so_far() {
         let mut study = view(40, 8, 200);
-        assert_eq!(progress(&study, 0.0), "40 of 200 runs, 8 pending");
+        assert_eq!(progress(&study, ""), "40 of 200 runs, 8 pending");
         study.answer = vec!["The boundary is at 52 mm.".to_owned(), "And more.".to_owned()];
-        let expected = "40 of 200 runs, 8 pending · 0 s to 1:20 left · The boundary is at 52 mm.";
-        assert_eq!(progress(&study, 2.0), expected);
+        let expected = "40 of 200 runs, 8 pending · ends in 0 s to 1:20 · The boundary is at 52 mm.";
+        assert_eq!(progress(&study, " · ends in 0 s to 1:20"), expected);
         assert_eq!(fraction(&study), 0.2);
         study.state = StudyState::Paused;
-        assert_eq!(progress(&study, 2.0), "40 of 200 runs, 8 pending · paused · The boundary is at 52 mm.");
+        let expected = "40 of 200 runs, 8 pending · paused · The boundary is at 52 mm.";
+        assert_eq!(progress(&study, " · ends in 1:20"), expected);
     }
 
     #[test]
@@ -102,7 +95,6 @@ mod tests {
         let mut study = view(40, 0, 100);
         study.runs.failed = 10;
         assert_eq!(fraction(&study), 0.5);
-        assert!(progress(&study, 1.0).contains("0 s to 50 s left"));
     }
 
     #[test]

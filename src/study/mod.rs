@@ -12,6 +12,8 @@ use anyhow::Result;
 use clap::Subcommand;
 use roost_terminal::Exit;
 
+use crate::validate;
+
 /// Ask a question about a scenario: which runs answer it is chosen for you
 ///
 /// A study has a base scenario, factors with ranges, a goal and a budget of runs. It grows a sweep with the same id until the answer
@@ -25,6 +27,8 @@ pub(crate) struct Args {
 #[derive(Debug, Subcommand)]
 enum Action {
     Run(run::Args),
+    /// Check a study without submitting it, and forecast its runs, processor time and time of completion
+    Validate(validate::Args),
     Submit(submit::Args),
     List(show::List),
     Show(show::Show),
@@ -48,6 +52,7 @@ impl Args {
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     match args.action {
         Action::Run(args) => run::execute(args).await,
+        Action::Validate(args) => validate::execute(args, true).await,
         Action::Submit(args) => submit::execute(args).await,
         Action::List(args) => show::list(args).await,
         Action::Show(args) => show::show(args).await,

@@ -6,7 +6,7 @@ use roost_api::study::{StudyEnd, StudyState, StudyView};
 use roost_terminal::{Exit, Table, message, print_json, print_line, print_lines};
 use serde_json::json;
 
-use crate::target;
+use crate::{forecast, target};
 
 /// Number of studies of a page.
 const PAGE: u32 = 100;
@@ -35,8 +35,14 @@ pub(crate) struct List {
 }
 
 pub(crate) async fn show(args: Show) -> Result<Exit> {
-    let study = args.server.client()?.study(args.id).await?;
+    let client = args.server.client()?;
+    let study = client.study(args.id).await?;
     print(&study, args.json)?;
+    if !args.json && matches!(study.state, StudyState::Running | StudyState::Paused) {
+        for line in forecast::lines(&client.study_forecast(args.id).await?) {
+            print_line(line)?;
+        }
+    }
     Ok(Exit::Done)
 }
 

@@ -44,11 +44,9 @@ export function studyHead(at, first, changed) {
     document.title = `${study.name} · Roost`;
     const { done, failed, cancelled, pending, max_runs, outside_budget } = study.runs;
     const count = (/** @type {number} */ number, /** @type {string} */ word) => h("span", {}, `${number.toLocaleString("en")} ${word}`);
-    fill(runs, runsBar(study, true),
-      h("div", { class: "row", id: "runs" }, stateOfStudy(study), count(done, "done"), count(failed, "failed"), count(pending, "pending"), cancelled > 0 && count(cancelled, "cancelled"), (outside_budget ?? 0) > 0 && count(outside_budget ?? 0, "outside the budget"),
     forecast.update(["finished", "cancelled"].includes(study.state));
     fill(top, runsBar(study, true),
-      h("div", { class: "row", id: "runs" }, stateOfStudy(study), count(done, "done"), count(failed, "failed"), count(pending, "pending"), cancelled > 0 && count(cancelled, "cancelled"),
+      h("div", { class: "row", id: "runs" }, stateOfStudy(study), count(done, "done"), count(failed, "failed"), count(pending, "pending"), cancelled > 0 && count(cancelled, "cancelled"), (outside_budget ?? 0) > 0 && count(outside_budget ?? 0, "outside the budget"),
         h("span", {}, `budget of ${plural(max_runs, "run")}`), h("a", { href: `/sweeps/${study.id}` }, "Results and runs in flight")),
       facts([["Factors", study.factors.map((pointer) => factorLabel(pointer, study.factors)).join(", ")], ["Points", study.points.toLocaleString("en")],
         ["Submitted", dateTime(study.submitted_at)], ["Answered", dateTime(study.answered_at)], ["Identifier", h("span", { class: "mono" }, study.id)]]));

@@ -6,6 +6,7 @@ mod checkpoints;
 mod credentials;
 mod error;
 mod fills;
+mod forecasts;
 mod job_control;
 mod reason;
 mod recorded_frames;
