@@ -1,6 +1,7 @@
 //! Decisions: proposals, the reason to stop, and the answer as data.
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::evidence::{Evidence, Point};
 use crate::goals::{BoundaryAnswer, EstimateAnswer, OptimiseAnswer, SensitivityAnswer};
@@ -61,8 +62,8 @@ impl RunCounts {
 /// A point that is left out because its runs fail, or have no response that a measure can use.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ExcludedPoint {
-    /// Values of the factors, in their units.
-    pub values: Vec<f64>,
+    /// Values of the factors: numbers in their units, or levels.
+    pub values: Vec<Value>,
     /// Number of failed runs.
     pub failed: usize,
     /// Number of runs with a result.

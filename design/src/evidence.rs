@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::factor::Factor;
 use crate::question::Measure;
@@ -27,7 +28,7 @@ impl Point {
         )
     }
 
-    /// The point of values of the factors; none outside their ranges.
+    /// The point of numbers of the factors; none outside their ranges.
     pub fn of_values(factors: &[Factor], values: &[f64]) -> Option<Self> {
         let coordinates = factors.iter().zip(values).map(|(factor, value)| factor.coordinate(*value));
         Some(Self::new(&coordinates.collect::<Option<Vec<f64>>>()?))
@@ -39,9 +40,20 @@ impl Point {
         Some(Self::of_values(factors, values)?.rounded(factors))
     }
 
-    /// The values of the factors, in their units.
+    /// The numbers of the factors, in their units; of a factor with levels the index of a level.
     pub fn values(&self, factors: &[Factor]) -> Vec<f64> {
         factors.iter().zip(self.coordinates()).map(|(factor, coordinate)| factor.value(coordinate)).collect()
+    }
+
+    /// The values of the factors: numbers in their units, or levels.
+    pub fn levels(&self, factors: &[Factor]) -> Vec<Value> {
+        factors.iter().zip(self.values(factors)).map(|(factor, number)| factor.level(number)).collect()
+    }
+
+    /// The point of levels and numbers; none outside their ranges.
+    pub fn of_levels(factors: &[Factor], levels: &[Value]) -> Option<Self> {
+        let numbers = factors.iter().zip(levels).map(|(factor, level)| factor.number(level));
+        Self::of_values(factors, &numbers.collect::<Option<Vec<f64>>>()?)
     }
 
     /// The nearest point whose values are rounded as [`Factor::value`] rounds them. Proposals are such points, so that the

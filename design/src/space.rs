@@ -1,5 +1,10 @@
 //! Points that fill the unit cube: a scrambled Sobol' sequence and regular grids.
 
+use std::collections::BTreeSet;
+
+use crate::evidence::Point;
+use crate::factor::Factor;
+
 /// Number of points of the longest sequence.
 pub(crate) const SEQUENCE_LENGTH: usize = 1 << 16;
 
@@ -9,6 +14,25 @@ pub(crate) fn sobol(index: usize, factors: usize, seed: u64) -> Vec<f64> {
     // The crate takes 32 bits: both halves of the seed count.
     let seed = (seed ^ (seed >> 32)) as u32;
     (0..factors).map(|factor| f64::from(sobol_burley::sample(index as u32, factor as u32, seed))).collect()
+}
+
+/// Different points of the sequence with the values of some factors, as far as some indices lead. Whole numbers and levels repeat themselves.
+pub(crate) fn distinct(
+    factors: &[Factor],
+    indices: std::ops::Range<usize>,
+    seed: u64,
+) -> impl Iterator<Item = Point> {
+    let mut seen = BTreeSet::new();
+    let points = indices.map(move |index| Point::new(&sobol(index, factors.len(), seed)).rounded(factors));
+    points.filter(move |point| seen.insert(point.clone()))
+}
+
+/// Coordinates with those of whole numbers and levels moved to their places.
+pub(crate) fn snapped(factors: &[Factor], mut coordinates: Vec<f64>) -> Vec<f64> {
+    for (factor, coordinate) in factors.iter().zip(&mut coordinates).filter(|(factor, _)| factor.is_whole) {
+        *coordinate = factor.coordinate(factor.value(*coordinate)).unwrap_or(*coordinate);
+    }
+    coordinates
 }
 
 /// Points of a grid with `steps` values from 0 to 1 per factor, the last factor varying fastest.

@@ -6,7 +6,7 @@ mod drive;
 use std::collections::BTreeSet;
 use std::f64::consts::PI;
 
-use drive::{generator, normal, question, responses, study, uniform};
+use drive::{generator, normal, numbers, question, responses, study, uniform};
 use roost_design::goals::{ConfirmationState, FIRST_CONFIRMATION, OptimiseAnswer};
 use roost_design::{Decision, Finding, Finished, Outcome, Question};
 use serde_json::{Value, json};
@@ -51,7 +51,7 @@ fn assert_branin(repetitions: u64) {
         let (runs, decision) = study(&question, seed, 4, |point, _| responses(&[("y", branin(point))]));
         assert!(runs.len() <= budget);
         assert_eq!(decision.finished, Some(Finished::ByRule), "{:?}", finding(&decision));
-        regrets.push(branin(&finding(&decision).recommended[0].values) - BRANIN);
+        regrets.push(branin(&numbers(&finding(&decision).recommended[0].values)) - BRANIN);
         let mut generator = generator(seed, &[], 1);
         let values = (0..budget).map(|_| branin(&[uniform(&mut generator), uniform(&mut generator)]));
         random.push(values.fold(f64::INFINITY, f64::min) - BRANIN);
@@ -141,7 +141,7 @@ fn assert_toy(repetitions: u64) {
         let is_confirmed =
             best.confirmation.as_ref().is_some_and(|found| found.state == ConfirmationState::Confirmed);
         assert_eq!(is_confirmed, decision.finished == Some(Finished::ByRule));
-        let (cost, jams) = toy(&best.values);
+        let (cost, jams) = toy(&numbers(&best.values));
         println!(
             "seed {seed}: {} runs, {:?}, regret {:.3}, P(jam) {jams:.4}, {} rejected, {:?}",
             runs.len(),
@@ -204,9 +204,9 @@ fn a_point_whose_confirmation_fails_is_marked_and_the_search_goes_on() {
     });
     let (_, decision) = study(&asked(1, goal, 600), 3, 20, simulate);
     let finding = finding(&decision);
-    assert!(!finding.rejected.is_empty() && (finding.rejected[0].values[0] - 0.3).abs() < 0.02);
+    assert!(!finding.rejected.is_empty() && (numbers(&finding.rejected[0].values)[0] - 0.3).abs() < 0.02);
     assert_eq!(decision.finished, Some(Finished::ByRule), "{finding:?}");
-    let distance = (finding.recommended[0].values[0] - 0.3).abs();
+    let distance = (numbers(&finding.recommended[0].values)[0] - 0.3).abs();
     assert!((0.02..0.15).contains(&distance), "{distance}");
 }
 
@@ -237,7 +237,7 @@ fn constraints_on_means_and_probabilities_hold_together() {
         let best = &finding(&decision).recommended[0];
         println!("load {load}: {best:?}");
         assert_eq!(decision.finished, Some(Finished::ByRule));
-        assert!((lowest..highest).contains(&best.values[0]), "{:?}", best.values);
+        assert!((lowest..highest).contains(&numbers(&best.values)[0]), "{:?}", best.values);
         let confirmation = best.confirmation.as_ref().unwrap();
         let bounds: Vec<_> = confirmation.constraints.iter().map(|bounds| bounds.unwrap()).collect();
         assert!(bounds[0].low >= load && bounds[1].low >= 0.9, "{bounds:?}");
@@ -270,13 +270,13 @@ fn two_quadratics_have_a_front_of_points_between_their_minima() {
     assert_eq!(front.len(), 6);
     let distance = (0.36_f64 + 0.16).sqrt();
     for point in front {
-        let [one, other] = squares(&point.values);
+        let [one, other] = squares(&numbers(&point.values));
         // Distance of the sum of roots from that on the front.
         let excess = one.sqrt() + other.sqrt() - distance;
         println!("{:?}: {one:.3}, {other:.3}, excess {excess:.4}", point.values);
         assert!(excess < 0.03, "{:?} is {excess} from the front", point.values);
     }
-    let firsts: Vec<f64> = front.iter().map(|point| squares(&point.values)[0]).collect();
+    let firsts: Vec<f64> = front.iter().map(|point| squares(&numbers(&point.values))[0]).collect();
     assert!(firsts.is_sorted_by(|one, other| *one <= other + 0.02), "{firsts:?}");
     assert!(firsts[0] < 0.03 && firsts[5] > 0.3, "the front is covered: {firsts:?}");
     drive::assert_order_is_irrelevant(&question, &runs[..100], 8, 2);
@@ -290,7 +290,7 @@ fn failed_runs_turn_the_search_away() {
     };
     let question = asked(1, json!({"objectives": [{"minimise": {"mean": "y"}}]}), 80);
     let (runs, decision) = study(&question, 1, 4, simulate);
-    let best = finding(&decision).recommended[0].values[0];
+    let best = numbers(&finding(&decision).recommended[0].values)[0];
     let failed = runs.iter().filter(|run| run.outcome == Outcome::Failed).count();
     println!("{best}, {failed} failed of {}", runs.len());
     assert!((0.45..=0.5).contains(&best), "{best}");

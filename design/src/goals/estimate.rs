@@ -3,6 +3,7 @@
 //! Equal values of a mean have no interval: their point gets its maximum of replicates.
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::{Course, Study};
 use crate::decision::{Finding, Proposal};
@@ -16,8 +17,8 @@ use crate::question::Measure;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Estimate {
-    /// The points: a value per factor, in its unit.
-    pub points: Vec<Vec<f64>>,
+    /// The points: a value per factor, which is a number in its unit or a level.
+    pub points: Vec<Vec<Value>>,
     /// The measures, and how narrow their intervals must be.
     pub intervals: Vec<MeasureWidth>,
 }
@@ -42,8 +43,8 @@ pub struct EstimateAnswer {
 /// The estimates at a point.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PointEstimate {
-    /// Values of the factors.
-    pub values: Vec<f64>,
+    /// Values of the factors, as in the question.
+    pub values: Vec<Value>,
     /// A row per measure, in the order of the question.
     pub measures: Vec<MeasureEstimate>,
     /// Whether the point is left out because its runs fail, or have no response that a measure can use.
@@ -78,10 +79,11 @@ impl Estimate {
                 faults.push(fault(&at, values, &detail, "a value per factor"));
             }
             for (position, (value, factor)) in values.iter().zip(factors).enumerate() {
-                if factor.coordinate(*value).is_none() {
-                    let allowed = format!("{} to {}", factor.low, factor.high);
-                    let detail = format!("outside the range of {}", factor.name);
-                    faults.push(fault(&format!("{at}/{position}"), value, &detail, &allowed));
+                if factor.number(value).and_then(|number| factor.coordinate(number)).is_none() {
+                    let is_number = !factor.is_categorical() && value.is_number();
+                    let what = if is_number { "outside the range" } else { "not a value" };
+                    let detail = format!("{what} of {}", factor.name);
+                    faults.push(fault(&format!("{at}/{position}"), value, &detail, &factor.allowed()));
                 }
             }
         }
@@ -133,7 +135,7 @@ pub(super) fn decide(goal: &Estimate, study: &Study<'_>) -> Course {
     let mut queue = Vec::new();
     let (mut is_met, mut usable) = (true, 0);
     for values in &goal.points {
-        let Some(point) = Point::of_values(&study.question.factors, values) else { continue };
+        let Some(point) = Point::of_levels(&study.question.factors, values) else { continue };
         // The values of a run are rounded: only a rounded point finds its runs again.
         let point = point.rounded(&study.question.factors);
         let runs = study.evidence.at(&point);

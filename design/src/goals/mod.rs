@@ -75,7 +75,7 @@ pub(crate) fn decide(question: &Question, evidence: &Evidence, wanted: usize, se
     }
     let excluded = evidence.points().iter().filter(|point| question.excludes(point));
     let excluded = excluded.map(|point| ExcludedPoint {
-        values: point.point.values(&question.factors),
+        values: point.point.levels(&question.factors),
         failed: point.failed(),
         done: point.count() - point.failed() - point.pending(),
     });

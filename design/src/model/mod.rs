@@ -18,6 +18,7 @@ mod tests;
 use nalgebra::{DMatrix, DVector};
 
 use crate::evidence::{Point, PointRuns};
+use crate::factor::Factor;
 use crate::question::Measure;
 use crate::usable::credible;
 use binomial::Counted;
@@ -94,31 +95,37 @@ pub struct Model {
 impl Model {
     /// Fits a model to the values of a measure; none without values, or when numbers overflow. Points without values and outliers
     /// are left out. Of more than [`MAX_POINTS`] points those that fill the range evenly count.
-    pub fn fit<'a>(measure: &Measure, evidence: impl IntoIterator<Item = &'a PointRuns>) -> Option<Self> {
+    pub fn fit<'a>(
+        factors: &[Factor],
+        measure: &Measure,
+        evidence: impl IntoIterator<Item = &'a PointRuns>,
+    ) -> Option<Self> {
         let data = Data::of(measure, evidence);
         let chosen = subset::spread(&data.coordinates, MAX_POINTS);
-        Self::of_data(measure, &data, &subset::fill(chosen, &[], MAX_POINTS))
+        Self::of_data(factors, measure, &data, &subset::fill(chosen, &[], MAX_POINTS))
     }
 
     /// As [`Model::fit`], but of more than [`MAX_POINTS`] points half fill the range, and half are those nearest to the boundary at
     /// a level, in standard deviations of a model of the first half.
     pub fn fit_near<'a>(
+        factors: &[Factor],
         measure: &Measure,
         evidence: impl IntoIterator<Item = &'a PointRuns>,
         level: f64,
     ) -> Option<Self> {
         let data = Data::of(measure, evidence);
         if data.points.len() <= MAX_POINTS {
-            return Self::of_data(measure, &data, &(0..data.points.len()).collect::<Vec<_>>());
+            return Self::of_data(factors, measure, &data, &(0..data.points.len()).collect::<Vec<_>>());
         }
         let pilot = subset::spread(&data.coordinates, MAX_POINTS / 2);
-        let model = Self::of_data(measure, &data, &subset::fill(pilot.clone(), &[], MAX_POINTS / 2))?;
+        let model =
+            Self::of_data(factors, measure, &data, &subset::fill(pilot.clone(), &[], MAX_POINTS / 2))?;
         let prediction = model.posterior.predict(&columns(data.coordinates[0].len(), &data.coordinates));
         let level = model.latent(level);
         let latents = prediction.means.iter().zip(prediction.variances.iter());
         let distances: Vec<f64> =
             latents.map(|(mean, variance)| (mean - level).abs() / variance.sqrt()).collect();
-        Self::of_data(measure, &data, &subset::fill(pilot, &distances, MAX_POINTS))
+        Self::of_data(factors, measure, &data, &subset::fill(pilot, &distances, MAX_POINTS))
     }
 
     /// Whether the model rests on a point.
@@ -127,25 +134,26 @@ impl Model {
     }
 
     /// The model of the data at some positions, in rising order.
-    fn of_data(measure: &Measure, data: &Data, chosen: &[usize]) -> Option<Self> {
-        let factors = data.coordinates.first()?.len();
+    fn of_data(factors: &[Factor], measure: &Measure, data: &Data, chosen: &[usize]) -> Option<Self> {
+        data.points.first()?;
         let coordinates: Vec<&Vec<f64>> = chosen.iter().map(|index| &data.coordinates[*index]).collect();
         let values: Vec<&[f64]> = chosen.iter().map(|index| data.values[*index].as_slice()).collect();
-        let points = columns(factors, &coordinates);
+        let points = columns(factors.len(), &coordinates);
+        let levels: Vec<usize> = factors.iter().map(|factor| factor.levels.len()).collect();
         let (posterior, alternatives, likelihood) = match measure {
-            Measure::Probability(_) => Self::of_counts(&points, &values),
-            Measure::Mean(_) => Self::of_means(&points, &values),
+            Measure::Probability(_) => Self::of_counts(&points, &levels, &values),
+            Measure::Mean(_) => Self::of_means(&points, &levels, &values),
         }?;
         let points = chosen.iter().map(|index| data.points[*index].clone()).collect();
         Some(Self { posterior, alternatives, likelihood, points })
     }
 
-    fn of_counts(points: &DMatrix<f64>, values: &[&[f64]]) -> Option<Fitted> {
+    fn of_counts(points: &DMatrix<f64>, levels: &[usize], values: &[&[f64]]) -> Option<Fitted> {
         let counted = |values: &&[f64]| Counted { count: values.iter().sum(), n: values.len() as f64 };
         let counts: Vec<Counted> = values.iter().map(counted).collect();
         let prior = Prior { variance: (10.0, 1.0), constant: 9.0, length: (0.7, 0.7) };
         let mut start: Option<DVector<f64>> = None;
-        let ((kernel, _), around) = climb(&prior, points.nrows(), &[], EVALUATIONS, |kernel, _| {
+        let ((kernel, _), around) = climb(&prior, levels, &[], EVALUATIONS, |kernel, _| {
             let fit = binomial::fit(points, &counts, kernel, start.as_ref())?;
             start = Some(fit.posterior.weights);
             Some((fit.log_likelihood, fit.gradient))
@@ -155,7 +163,7 @@ impl Model {
         Some((posterior(&kernel)?, alternatives, Likelihood::Binomial))
     }
 
-    fn of_means(points: &DMatrix<f64>, values: &[&[f64]]) -> Option<Fitted> {
+    fn of_means(points: &DMatrix<f64>, levels: &[usize], values: &[&[f64]]) -> Option<Fitted> {
         let largest = values.iter().copied().flatten().map(|value| value.abs()).fold(0.0, f64::max);
         let unit = if largest == 0.0 || ORDINARY.contains(&largest) { 1.0 } else { largest };
         let in_units =
@@ -172,13 +180,13 @@ impl Model {
             squares: summary.squares / (spread * spread),
         };
         let summaries: Vec<Replicated> = summaries.iter().map(scaled).collect();
-        let noise = Noise::of(points, &summaries);
+        let noise = Noise::of(points, levels, &summaries);
         let relative = noise.at(points);
         let times = |variance: f64| -> Vec<f64> {
             relative.iter().map(|relative| (relative * variance).max(1e-10)).collect()
         };
         let prior = Prior { variance: (1.0, 1.0), constant: 1.0, length: (0.7, 0.7) };
-        let (top, around) = climb(&prior, points.nrows(), &[(0.1, 2.0)], EVALUATIONS, |kernel, further| {
+        let (top, around) = climb(&prior, levels, &[(0.1, 2.0)], EVALUATIONS, |kernel, further| {
             let fit = gaussian::fit(points, &summaries, kernel, &times(further[0]))?;
             Some((fit.log_likelihood, fit.gradient))
         })?;

@@ -30,7 +30,7 @@ pub(super) struct Noise {
 
 impl Noise {
     /// The noise at points with replicates.
-    pub(super) fn of(points: &DMatrix<f64>, values: &[Replicated]) -> Self {
+    pub(super) fn of(points: &DMatrix<f64>, levels: &[usize], values: &[Replicated]) -> Self {
         let replicated: Vec<usize> = (0..values.len()).filter(|index| values[*index].n > 1.5).collect();
         let (squares, freedom) = replicated.iter().fold((0.0, 0.0), |(squares, freedom), index| {
             (squares + values[*index].squares, freedom + values[*index].n - 1.0)
@@ -53,7 +53,7 @@ impl Noise {
             logs.iter().map(|log| Replicated { n: 1.0, mean: log - centre, squares: 0.0 }).collect();
         let points = points.select_columns(&replicated);
         let prior = Prior { variance: (0.1, 1.5), constant: 0.25, length: (0.7, 0.7) };
-        let found = climb(&prior, points.nrows(), &[], 25, |kernel, _| {
+        let found = climb(&prior, levels, &[], 25, |kernel, _| {
             let fit = gaussian::fit(&points, &values, kernel, &variances)?;
             let mut gradient = fit.gradient;
             gradient.pop();

@@ -29,20 +29,23 @@ pub(super) struct Prior {
 /// Hyperparameters: a kernel and further parameters.
 pub(super) type Hyperparameters = (Kernel, Vec<f64>);
 
-/// The kernel and further parameters of the highest posterior density, and those around it with the same weight. `further` are priors of more parameters; `likelihood`
-/// returns the log likelihood and its gradient by ln ℓ_1, …, ln σ², and the logarithms of further parameters.
+/// The kernel and further parameters of the highest posterior density, and those around it with the same weight. `levels` are those of the
+/// kernel, and `further` priors of more parameters; `likelihood` returns the log likelihood and its gradient by ln ℓ_1, …, ln σ², and the
+/// logarithms of further parameters.
 pub(super) fn climb(
     prior: &Prior,
-    factors: usize,
+    levels: &[usize],
     further: &[(f64, f64)],
     evaluations: usize,
     mut likelihood: impl FnMut(&Kernel, &[f64]) -> Option<(f64, Vec<f64>)>,
 ) -> Option<(Hyperparameters, Vec<Hyperparameters>)> {
+    let factors = levels.len();
     let mut priors = vec![prior.length; factors];
     priors.push(prior.variance);
     priors.extend(further);
     let kernel = |logs: &[f64]| Kernel {
         lengths: logs[..factors].iter().map(|log| log.exp()).collect(),
+        levels: levels.to_vec(),
         variance: logs[factors].exp(),
         constant: prior.constant,
     };

@@ -206,11 +206,13 @@ fn failures_in_a_corner_do_not_stop_a_study() {
     };
     assert!(!decision.answer.excluded.is_empty());
     assert!(
-        decision
-            .answer
-            .excluded
+        decision.answer.excluded.iter().all(|point| point
+            .values
             .iter()
-            .all(|point| point.values[0] + point.values[1] < 0.5 && point.failed >= 3)
+            .filter_map(serde_json::Value::as_f64)
+            .sum::<f64>()
+            < 0.5
+            && point.failed >= 3)
     );
     assert!(decision.answer.runs.failed < 100, "{:?}", decision.answer.runs);
     assert_eq!(answer(&decision).place, Place::Inside);
@@ -317,7 +319,8 @@ fn the_share_on_the_wrong_side_is_that_of_the_whole_range() {
     let evidence = Evidence::new(results(truth, &proposals, &mut random));
     let decision = decide(&question, &evidence, 0, 3);
     let model =
-        crate::model::Model::fit(&crate::Measure::Mean("y".into()), evidence.points()).expect("a model");
+        crate::model::Model::fit(&question.factors, &crate::Measure::Mean("y".into()), evidence.points())
+            .expect("a model");
     let points: Vec<Vec<f64>> = (0..4000).map(|_| (0..4).map(|_| random.uniform()).collect()).collect();
     let points = crate::model::kernel::columns(4, &points);
     let level = model.latent(truth.level);

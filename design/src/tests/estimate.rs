@@ -93,7 +93,7 @@ fn a_point_whose_runs_fail_is_excluded_and_named() {
         }
     };
     assert_eq!(decision.finished, Some(Finished::ByRule));
-    assert_eq!((decision.answer.excluded.len(), &decision.answer.excluded[0].values), (1, &vec![2.0]));
+    assert_eq!((decision.answer.excluded.len(), &decision.answer.excluded[0].values), (1, &vec![json!(2.0)]));
     assert!(points(&decision)[0].is_excluded && !points(&decision)[1].is_excluded);
     runs.retain(|run| run.outcome == Outcome::Failed);
     runs.extend(runs.clone().into_iter().map(|run| Run { point: Point::new(&[0.8]), ..run }));
@@ -171,7 +171,7 @@ fn a_response_that_never_appears_ends_its_point() {
     };
     assert_eq!(decision.finished, Some(Finished::ByRule));
     let [excluded] = &decision.answer.excluded[..] else { panic!("one point") };
-    assert_eq!((&excluded.values, excluded.failed), (&vec![2.0], 0));
+    assert_eq!((&excluded.values, excluded.failed), (&vec![json!(2.0)], 0));
     assert!(excluded.done < 20 && points(&decision)[0].is_excluded, "{excluded:?}");
     assert_eq!(decision.answer.unusable[0].missing, excluded.done);
 }

@@ -40,7 +40,7 @@ fn a_result_replaces_a_failure_and_a_run_in_flight() {
 fn a_proposed_point_survives_the_way_to_values_and_back() {
     let mut random = Random(2);
     for scale in [Scale::Linear, Scale::Log] {
-        let factors = [Factor { name: "x".into(), low: 0.003, high: 7.0, scale }];
+        let factors = [Factor { scale, ..Factor::range("x".into(), 0.003, 7.0) }];
         for _ in 0..1000 {
             let point = Point::new(&[random.uniform()]).rounded(&factors);
             assert_eq!(Point::of_values(&factors, &point.values(&factors)), Some(point));
@@ -50,10 +50,7 @@ fn a_proposed_point_survives_the_way_to_values_and_back() {
             assert_eq!(point.values(&factors), [value], "typed values are found again");
         }
     }
-    assert_eq!(
-        Point::of_values(&[Factor { name: "x".into(), low: 0.0, high: 1.0, scale: Scale::Linear }], &[1.1]),
-        None
-    );
+    assert_eq!(Point::of_values(&[Factor::range("x".into(), 0.0, 1.0)], &[1.1]), None);
 }
 
 #[test]

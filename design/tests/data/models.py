@@ -1,7 +1,7 @@
 """Posterior means, variances and log marginal likelihoods for fixed hyperparameters: writes models.json beside this file.
 
 Gaussian values come from scikit-learn's GaussianProcessRegressor on all values, one row per run. Values of single trials come
-from its GaussianProcessClassifier. Values of counts come from the equations of Rasmussen and Williams 2006 (algorithms 3.1 and
+from its GaussianProcessClassifier. A factor with levels is a column for each of them there, 1/√2 at the level of the point. Values of counts come from the equations of Rasmussen and Williams 2006 (algorithms 3.1 and
 3.2) in NumPy, which are held to the classifier here. The last case is hetgpy's homGP with
 replicates and one factor: its kernel of several factors is a product, ours is radial.
 
@@ -106,6 +106,36 @@ def hetgpy_case():
     }
 
 
+def with_levels(n, lengths, levels, variance, constant):
+    """As `gaussian`, but factors with a number of levels other than 0 have levels: a column for each in scikit-learn."""
+    places = rng.random((n + 5, len(levels)))
+    for factor, k in enumerate(levels):
+        if k:
+            places[:, factor] = (np.floor(places[:, factor] * k) + 0.5) / k
+    columns, scales = [], []
+    for factor, (k, length) in enumerate(zip(levels, lengths)):
+        column = places[:, factor]
+        columns += [np.where(np.floor(column * k) == level, np.sqrt(0.5), 0.0) for level in range(k)] or [column]
+        scales += [length] * max(k, 1)
+    embedded = np.stack(columns, axis=1)
+    noise = 0.02 + 0.1 * rng.random(n)
+    values = [
+        (np.sin(3 * x.sum()) + np.sqrt(r) * rng.standard_normal(rng.integers(1, 6))).tolist()
+        for x, r in zip(places, noise)
+    ]
+    repeats = [len(v) for v in values]
+    model = GaussianProcessRegressor(
+        kernel(scales, variance, constant), alpha=np.repeat(noise, repeats), optimizer=None
+    ).fit(np.repeat(embedded[:n], repeats, axis=0), np.concatenate(values))
+    mean, deviation = model.predict(embedded[n:], return_std=True)
+    return {
+        "lengths": lengths, "levels": levels, "variance": variance, "constant": constant,
+        "points": places[:n].tolist(), "noise": noise.tolist(), "values": values,
+        "log_likelihood": model.log_marginal_likelihood_value_,
+        "at": places[n:].tolist(), "means": mean.tolist(), "variances": (deviation**2).tolist(),
+    }
+
+
 data = {
     "gaussian": [
         gaussian(1, 8, [0.4], 1.3, 0.5), gaussian(2, 15, [0.7, 0.3], 0.8, 1.0), gaussian(4, 40, [0.7, 0.3, 1.2, 2.0], 2.0, 0.1)
@@ -115,6 +145,7 @@ data = {
         counts(2, 20, [0.7, 0.4], 10.0, 9.0, 12), counts(3, 40, [0.7, 0.4, 1.5], 5.0, 9.0, 30),
     ],
     "hetgpy": [hetgpy_case()],
+    "levels": [with_levels(25, [0.5, 0.8], [0, 3], 1.3, 0.5), with_levels(40, [0.9, 0.4, 1.5], [2, 0, 5], 0.8, 1.0)],
 }
 path = pathlib.Path(__file__).with_name("models.json")
 path.write_text(json.dumps(data, indent=None, separators=(",", ":")) + "\n")

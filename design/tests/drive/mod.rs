@@ -31,6 +31,11 @@ pub(crate) fn responses(values: &[(&str, f64)]) -> Outcome {
     Outcome::Responses(named.collect::<BTreeMap<_, _>>())
 }
 
+/// The values of factors with ranges.
+pub(crate) fn numbers(values: &[Value]) -> Vec<f64> {
+    values.iter().map(|value| value.as_f64().expect("a number")).collect()
+}
+
 /// The question of a document; it must be without faults.
 pub(crate) fn question(document: &Value) -> Question {
     Question::read(document).unwrap_or_else(|faults| panic!("{faults:?}"))

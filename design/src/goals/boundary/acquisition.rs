@@ -20,6 +20,7 @@ use crate::model::fantasy::Fantasies;
 use crate::model::kernel::columns;
 use crate::model::{MAX_POINTS, Model};
 use crate::space::sobol;
+use std::collections::BTreeSet;
 
 /// Candidates that fill the range, by number of factors.
 const CANDIDATES: [usize; super::MAX_FACTORS] = [128, 320, 400, 400];
@@ -108,14 +109,16 @@ fn candidates(goal: &Boundary, study: &Study<'_>, model: &Model) -> (Vec<Candida
         .map(|point| point.point.coordinates())
         .collect();
     let start = candidates.len();
+    let mut seen = BTreeSet::new();
     for index in 0..CANDIDATES[factors.len() - 1] {
         let point = Point::new(&sobol(index, factors.len(), study.seed)).rounded(factors);
         let at = point.coordinates();
         let is_near = excluded
             .iter()
             .any(|other| at.iter().zip(other).all(|(one, other)| (one - other).abs() < EXCLUDED_RADIUS));
-        // A known point is a candidate already, but fills the range as well: it stays, without runs of its own.
-        let room = if is_near || study.evidence.at(&point).is_some() { 0 } else { budget.max_replicates };
+        // A point that is a candidate already fills the range as well: it stays, without runs of its own.
+        let is_old = study.evidence.at(&point).is_some() || !seen.insert(point.clone());
+        let room = if is_near || is_old { 0 } else { budget.max_replicates };
         candidates.push(Candidate { point, room, next_replicate: 0, is_known: false });
     }
     let filling = (start..candidates.len()).collect();

@@ -5,10 +5,11 @@ use serde::{Deserialize, Serialize};
 use super::Boundary;
 use super::band::{Band, Side, misclassified};
 use crate::evidence::Point;
+use crate::factor::Factor;
 use crate::goals::Study;
 use crate::intervals::Estimated;
 use crate::model::Model;
-use crate::space::grid;
+use crate::space::{grid, snapped};
 
 /// Points of the map per factor, by number of factors.
 const STEPS: [usize; super::MAX_FACTORS] = [201, 33, 11, 6];
@@ -49,7 +50,7 @@ pub struct Crossing {
     pub low: f64,
     /// Upper end: the first point on a known side, or the upper end of the range.
     pub high: f64,
-    /// Values at which the estimate crosses the level within the interval.
+    /// Values at which the estimate crosses the level within the interval; between two whole numbers where the factor has such.
     pub estimates: Vec<f64>,
     /// Whether both ends are on known and different sides. The model then has the level crossed in between with 95 % confidence,
     /// as all that the band says; this is no proof. Either end may be an end of the range.
@@ -114,10 +115,10 @@ impl BoundaryAnswer {
 
     fn describe(&mut self, study: &Study<'_>, model: &Model) {
         let factors = &study.question.factors;
-        let points = grid(STEPS[factors.len() - 1], factors.len());
+        let points = map_points(factors);
         let level = model.latent(self.level);
         let band = Band::of(model, &points, level, study.seed);
-        self.misclassified = Some(misclassified(model, factors.len(), level, study.seed));
+        self.misclassified = Some(misclassified(model, factors, level, study.seed));
         self.band_deviations = Some(band.multiplier);
         self.length_scales = model.posterior.kernel().lengths.clone();
         let sides: Vec<Side> = (0..points.len()).map(|point| band.side(point)).collect();
@@ -129,8 +130,8 @@ impl BoundaryAnswer {
             _ => Place::Unknown,
         };
         if let [factor] = factors.as_slice() {
-            let value = |coordinate: f64| factor.value(coordinate);
-            self.crossings = crossings(&band, &sides, value);
+            let coordinates: Vec<f64> = points.iter().map(|point| point[0]).collect();
+            self.crossings = crossings(&band, &sides, factor, &coordinates);
         }
         let map = points.iter().enumerate().map(|(index, coordinates)| {
             let (mean, half) = (band.means[index], band.multiplier * band.deviations[index]);
@@ -146,10 +147,24 @@ impl BoundaryAnswer {
     }
 }
 
+/// The coordinates of the map. Of one factor with few whole numbers each of them once; else a grid, in which points of neighbouring places may
+/// have the same whole number.
+fn map_points(factors: &[Factor]) -> Vec<Vec<f64>> {
+    let steps = STEPS[factors.len() - 1];
+    if let [factor] = factors
+        && let Some(count) = factor.count().filter(|count| *count <= steps)
+    {
+        return (0..count)
+            .filter_map(|index| Some(vec![factor.coordinate(factor.low + index as f64)?]))
+            .collect();
+    }
+    grid(steps, factors.len()).into_iter().map(|point| snapped(factors, point)).collect()
+}
+
 /// Stretches in which the level is crossed, on a map of one factor.
-fn crossings(band: &Band, sides: &[Side], value: impl Fn(f64) -> f64) -> Vec<Crossing> {
+fn crossings(band: &Band, sides: &[Side], factor: &Factor, coordinates: &[f64]) -> Vec<Crossing> {
     let last = sides.len() - 1;
-    let coordinate = |point: usize| point as f64 / last as f64;
+    let value = |coordinate: f64| factor.value(coordinate);
     let mut found = Vec::new();
     let mut start = 0;
     while start < last {
@@ -164,11 +179,15 @@ fn crossings(band: &Band, sides: &[Side], value: impl Fn(f64) -> f64) -> Vec<Cro
                 sides[start] != Side::Band && sides[end] != Side::Band && sides[start] != sides[end];
             let estimates = (start..end).filter_map(|point| {
                 let (one, other) = (band.means[point] - band.level, band.means[point + 1] - band.level);
-                (one * other < 0.0).then(|| value((point as f64 + one / (one - other)) / last as f64))
+                let (before, after) = (coordinates[point], coordinates[point + 1]);
+                let at = before + one / (one - other) * (after - before);
+                // Between two whole numbers, not at one of them.
+                let at = if factor.is_whole { factor.place(at) } else { value(at) };
+                (one * other < 0.0).then_some(at)
             });
             found.push(Crossing {
-                low: value(coordinate(start)),
-                high: value(coordinate(end)),
+                low: value(coordinates[start]),
+                high: value(coordinates[end]),
                 estimates: estimates.collect(),
                 is_certain,
             });

@@ -18,9 +18,10 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, Normal};
 use statrs::function::erf::erfc;
 
+use crate::factor::Factor;
 use crate::model::kernel::columns;
 use crate::model::{Model, Prediction};
-use crate::space::{mixed_seed, sobol};
+use crate::space::{mixed_seed, snapped, sobol};
 
 /// Number of draws from the posterior.
 const DRAWS: usize = 400;
@@ -128,10 +129,11 @@ impl Band {
 ///
 /// It is a mean over points that fill the range evenly. The map would not do: most points of a grid in four factors are on its faces,
 /// where runs inform least. Nor would the points of the first design, where they inform most: the sequence is another.
-pub(super) fn misclassified(model: &Model, factors: usize, level: f64, seed: u64) -> f64 {
+pub(super) fn misclassified(model: &Model, factors: &[Factor], level: f64, seed: u64) -> f64 {
     let seed = mixed_seed(seed, FILLING_STREAM);
-    let points: Vec<Vec<f64>> = (0..FILLING).map(|index| sobol(index, factors, seed)).collect();
-    let map = columns(factors, &points);
+    let point = |index| snapped(factors, sobol(index, factors.len(), seed));
+    let points: Vec<Vec<f64>> = (0..FILLING).map(point).collect();
+    let map = columns(factors.len(), &points);
     let (means, variances) = mixture(&predictions(model, &map));
     let latents = means.iter().zip(&variances);
     let wrong = latents.map(|(mean, variance)| 0.5 * erfc((mean - level).abs() / (2.0 * variance).sqrt()));

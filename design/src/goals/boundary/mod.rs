@@ -17,7 +17,7 @@ use crate::factor::Factor;
 use crate::fault::{Fault, fault};
 use crate::model::Model;
 use crate::question::{Measure, Question};
-use crate::space::{SEQUENCE_LENGTH, sobol};
+use crate::space::{SEQUENCE_LENGTH, distinct};
 pub use answer::{BoundaryAnswer, Crossing, MapPoint, ObservedPoint, Place};
 pub use band::Side;
 
@@ -55,6 +55,11 @@ impl Boundary {
                 &format!("1 to {MAX_FACTORS} for a boundary"),
             ));
         }
+        for (index, factor) in factors.iter().enumerate().filter(|(_, factor)| factor.is_categorical()) {
+            let detail = format!("{} has levels without an order, and a boundary needs a scale", factor.name);
+            let allowed = "`low` and `high`; else a study for each level, with the level in the base";
+            faults.push(fault(&format!("/factors/{index}/levels"), &factor.levels, &detail, allowed));
+        }
         let is_inside = self.level > 0.0 && self.level < 1.0;
         if matches!(self.of, Measure::Probability(_)) && !is_inside {
             let detail = "not a level of a probability";
@@ -72,46 +77,48 @@ impl Boundary {
     }
 }
 
+/// Indices of the sequence for each point of the first design: whole numbers repeat themselves.
+const INDICES_PER_POINT: usize = 64;
+
 /// Number of points of the first design.
 pub(crate) fn first_points(question: &Question) -> usize {
     let points = 4 << question.factors.len();
     points.min(question.budget.max_runs / (2 * FIRST_REPLICATES)).max(1)
 }
 
+/// The points of the first design; of few whole numbers all points.
+fn first_design(study: &Study<'_>) -> Vec<Point> {
+    let points = first_points(study.question);
+    distinct(&study.question.factors, 0..INDICES_PER_POINT * points, study.seed).take(points).collect()
+}
+
 pub(super) fn decide(goal: &Boundary, study: &Study<'_>) -> Course {
     let with_values = study.usable_points().filter(|point| !point.values(&goal.of).is_empty()).count();
-    let first = first_proposals(study);
-    let model = Model::fit_near(&goal.of, study.usable_points(), goal.level);
+    let design = first_design(study);
+    let first = first_proposals(study, &design);
+    let model = Model::fit_near(&study.question.factors, &goal.of, study.usable_points(), goal.level);
     let answer = BoundaryAnswer::of(goal, study, model.as_ref());
     // Points of earlier sweeps serve as well as the first design.
-    let is_begun = with_values >= first_points(study.question);
+    let is_begun = with_values >= design.len();
     let is_met = is_begun && answer.misclassified.is_some_and(|share| share <= goal.misclassified);
     let proposals = match &model {
         _ if study.room == 0 || is_met => Vec::new(),
-        Some(model) if is_begun || (first.is_empty() && 2 * with_values >= first_points(study.question)) => {
+        Some(model) if is_begun || (first.is_empty() && 2 * with_values >= design.len()) => {
             acquisition::proposals(goal, study, model)
         }
         _ if !first.is_empty() => first,
         // Nothing is known yet, but workers wait.
-        _ => further_proposals(study),
+        _ => further_proposals(study, design.len()),
     };
     Course { proposals, is_met, is_spent: false, finding: Finding::Boundary(answer) }
 }
 
-/// A point of the first design or of the sequence that goes on.
-fn sequence_point(study: &Study<'_>, index: usize) -> Point {
-    let factors = &study.question.factors;
-    Point::new(&sobol(index, factors.len(), study.seed)).rounded(factors)
-}
-
 /// Runs of the first design that do not exist yet: first one of each point, then replicates.
-fn first_proposals(study: &Study<'_>) -> Vec<Proposal> {
+fn first_proposals(study: &Study<'_>, points: &[Point]) -> Vec<Proposal> {
     let budget = &study.question.budget;
-    let points: Vec<Point> =
-        (0..first_points(study.question)).map(|index| sequence_point(study, index)).collect();
     let mut proposals = Vec::new();
     for replicate in 0..FIRST_REPLICATES.min(budget.max_replicates) {
-        for point in &points {
+        for point in points {
             let known = study.evidence.at(point);
             let is_excluded = known.is_some_and(|known| study.question.excludes(known));
             let (count, next) = known.map_or((0, 0), |known| (known.count(), known.next_replicate()));
@@ -125,10 +132,10 @@ fn first_proposals(study: &Study<'_>) -> Vec<Proposal> {
 }
 
 /// Further points of the sequence, one run each.
-fn further_proposals(study: &Study<'_>) -> Vec<Proposal> {
-    let points = (first_points(study.question)..SEQUENCE_LENGTH).map(|index| sequence_point(study, index));
-    let new = points
-        .take(study.room + study.evidence.points().len())
-        .filter(|point| study.evidence.at(point).is_none());
+fn further_proposals(study: &Study<'_>, first: usize) -> Vec<Proposal> {
+    let factors = &study.question.factors;
+    let indices = INDICES_PER_POINT * (first + study.room + study.evidence.points().len());
+    let points = distinct(factors, first..indices.min(SEQUENCE_LENGTH), study.seed);
+    let new = points.filter(|point| study.evidence.at(point).is_none());
     new.take(study.room).map(|point| Proposal { point, replicate: 0 }).collect()
 }

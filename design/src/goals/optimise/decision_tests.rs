@@ -85,7 +85,7 @@ fn points_without_a_response_are_replaced() {
         (states(&decision), decision.finished),
         (vec![Some(ConfirmationState::Confirmed)], Some(Finished::ByRule))
     );
-    let best = finding(&decision).recommended[0].values[0];
+    let best = finding(&decision).recommended[0].values[0].as_f64().unwrap();
     assert!((0.4..=0.5).contains(&best), "{best}");
     // The first design had to be made up for.
     let first: std::collections::BTreeSet<_> = runs[..20].iter().map(|run| &run.point).collect();

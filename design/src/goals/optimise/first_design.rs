@@ -2,10 +2,13 @@
 
 use super::{Optimise, has_values, next_replicate, search_runs};
 use crate::decision::Proposal;
-use crate::evidence::{Outcome, Point};
+use crate::evidence::Outcome;
 use crate::goals::Study;
 use crate::question::Measure;
-use crate::space::sobol;
+use crate::space::distinct;
+
+/// Indices of the sequence for each point: whole numbers and levels repeat themselves.
+const INDICES_PER_POINT: usize = 64;
 
 /// Missing runs of the first design, and whether enough of its points have results for models.
 pub(super) fn first_design(goal: &Optimise, study: &Study<'_>) -> (Vec<Proposal>, bool) {
@@ -14,13 +17,17 @@ pub(super) fn first_design(goal: &Optimise, study: &Study<'_>) -> (Vec<Proposal>
     let has_means = goal.measures().iter().any(|measure| matches!(measure, Measure::Mean(_)));
     // Two runs at a point show the noise of means.
     let replicates = if has_means { 2.min(budget.max_replicates) } else { 1 };
-    let points = (5 * (factors.len() + 1)).min(budget.max_runs / (4 * replicates)).max(factors.len() + 1);
+    let levels = factors.iter().map(|factor| factor.levels.len()).max().unwrap_or(0);
+    // Every level comes twice.
+    let points = (5 * (factors.len() + 1))
+        .max(2 * levels)
+        .min(budget.max_runs / (4 * replicates))
+        .max(factors.len() + 1);
     let known = study.usable_points().filter(|point| has_values(goal, point)).count();
     let mut proposals = Vec::new();
     let (mut begun, mut is_exhausted) = (0, true);
     // Points that are excluded, or whose runs lack a response, are replaced by later ones of the sequence.
-    for index in 0..4 * points {
-        let point = Point::new(&sobol(index, factors.len(), study.seed)).rounded(factors);
+    for point in distinct(factors, 0..INDICES_PER_POINT * points, study.seed).take(4 * points) {
         let runs = study.evidence.at(&point);
         if runs.is_some_and(|runs| budget.excludes(runs)) {
             continue;

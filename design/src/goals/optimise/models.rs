@@ -21,7 +21,9 @@ pub(super) struct Models<'a> {
 impl<'a> Models<'a> {
     /// Fits the models; none while a measure has no values.
     pub(super) fn fit(goal: &'a Optimise, study: &Study<'_>) -> Option<Self> {
-        let of_measure = |measure: &'a Measure| Some((measure, Model::fit(measure, study.usable_points())?));
+        let of_measure = |measure: &'a Measure| {
+            Some((measure, Model::fit(&study.question.factors, measure, study.usable_points())?))
+        };
         let measures = goal.measures().into_iter().map(of_measure).collect::<Option<_>>()?;
         Some(Self { measures, success: success(goal, study) })
     }
@@ -57,5 +59,5 @@ fn success(goal: &Optimise, study: &Study<'_>) -> Option<Model> {
         PointRuns { point: point.point.clone(), runs: runs.collect() }
     };
     let points: Vec<PointRuns> = points.iter().map(of_point).collect();
-    Model::fit(&Measure::Probability(NAME.to_owned()), &points)
+    Model::fit(&study.question.factors, &Measure::Probability(NAME.to_owned()), &points)
 }

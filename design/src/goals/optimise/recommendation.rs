@@ -4,6 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::bounds::Bounds;
@@ -27,8 +28,8 @@ const QUANTILES: usize = 12;
 /// A point with forecasts and its confirmation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Recommendation {
-    /// Values of the factors.
-    pub values: Vec<f64>,
+    /// Values of the factors: numbers in their units, or levels.
+    pub values: Vec<Value>,
     /// Number of runs of the search at this point.
     pub runs: usize,
     /// Forecasts of the objectives by the models.
@@ -121,7 +122,7 @@ impl<'a> Outlook<'a> {
                 }
             });
             Recommendation {
-                values: point.point.values(&study.question.factors),
+                values: point.point.levels(&study.question.factors),
                 runs: point.runs.map_or(0, |runs| super::search_runs(runs).count()),
                 objectives: point.objectives.clone(),
                 constraints: point.constraints.clone(),
@@ -251,7 +252,7 @@ fn consider<'a>(
         let centres: Vec<Vec<f64>> = best.iter().map(|point| point.point.coordinates()).collect();
         let new = [
             candidates::spread(200, factors.len(), study.seed),
-            candidates::clouds(&centres, 12, study.seed),
+            candidates::clouds(factors, &centres, 12, study.seed),
         ];
         let rounded = new.concat().into_iter().map(|point| Point::new(&point).rounded(factors));
         let new: BTreeSet<Point> = rounded.filter(|point| study.evidence.at(point).is_none()).collect();

@@ -51,6 +51,8 @@ struct Field<'a> {
     /// Logarithm of the probability that a run succeeds.
     success: Vec<f64>,
     incumbents: Vec<usize>,
+    /// Whether the range has no more than some points, all of which may have runs.
+    is_finite: bool,
 }
 
 /// The proposals of the search, and the expected improvement of the first in the unit of the tolerance.
@@ -61,28 +63,32 @@ pub(super) fn proposals(
     models: &Models<'_>,
     room: usize,
 ) -> (Vec<Proposal>, Option<f64>) {
-    let factors = study.question.factors.len();
+    let factors = &study.question.factors;
     // Other candidates after every result.
     let seed = mixed_seed(study.seed, study.evidence.runs() as u64);
     let old = old_points(goal, study);
-    let spread = candidates::spread(200, factors, seed);
+    let spread = candidates::spread(200, factors.len(), seed);
     let mut wide = Field::of(goal, next, study, models, &old, &spread);
     let centres = wide.best_incumbents(6);
-    let near = candidates::clouds(&centres, 8, seed);
+    let near = candidates::clouds(factors, &centres, 8, seed);
     wide = Field::of(goal, next, study, models, &old, &[spread, near].concat());
     let best = wide.best_new(60, seed);
-    let around = candidates::clouds(&best[..best.len().min(4)], 10, mixed_seed(seed, 1));
+    let around = candidates::clouds(factors, &best[..best.len().min(4)], 10, mixed_seed(seed, 1));
     let mut field = Field::of(goal, next, study, models, &old, &[best, around].concat());
     let (mut proposals, mut improvement) = (Vec::new(), None);
     let mut counts: BTreeMap<usize, u32> = BTreeMap::new();
     while proposals.len() < room.max(1) {
-        let values = field.acquisition(seed);
-        let is_allowed = |index| !field.incumbents.contains(&index) && field.has_room(index, study, &counts);
+        let values = field.with_replicates(field.acquisition(seed));
+        let is_old = |index: usize| field.incumbents.contains(&index);
+        let is_allowed = |index| (field.is_finite || !is_old(index)) && field.has_room(index, study, &counts);
         let Some((chosen, ln)) = best_of(&values, is_allowed) else { break };
         if improvement.is_none() {
             improvement = Some(ln.exp() / field.scale());
         }
-        let place = field.replicated_place(chosen, study, &counts).unwrap_or(chosen);
+        let place = match is_old(chosen) {
+            true => chosen,
+            false => field.replicated_place(chosen, study, &counts).unwrap_or(chosen),
+        };
         let count = counts.entry(place).or_default();
         let replicate = next_replicate(study.evidence.at(&field.points[place])) + *count;
         *count += 1;
@@ -161,7 +167,8 @@ impl<'a> Field<'a> {
                 .map(|latent| model.value(*latent).ln())
                 .collect(),
         };
-        let mut field = Self { goal, points, surfaces, limits, success, incumbents: Vec::new() };
+        let is_finite = question.factors.iter().all(|factor| factor.is_whole);
+        let mut field = Self { goal, points, surfaces, limits, success, incumbents: Vec::new(), is_finite };
         for (index, (_, pending)) in old.iter().enumerate() {
             for _ in 0..*pending {
                 field.surfaces.iter_mut().for_each(|surface| surface.condition(index));
@@ -268,6 +275,29 @@ impl<'a> Field<'a> {
             sum.ln() - (DRAWS as f64).ln() + self.ln_feasible(index) + self.success[index]
         };
         sums.iter().enumerate().map(value).collect()
+    }
+
+    /// The acquisition with that of a replicate at each incumbent, where the range has no new points near it. The acquisition is 0 there, since
+    /// draws know the values at incumbents. The gain of knowing one of them exactly is the expected amount by which it then changes sides with the
+    /// best of the others.
+    fn with_replicates(&self, mut values: Vec<f64>) -> Vec<f64> {
+        let [surface] = self.objectives() else { return values };
+        if !self.is_finite {
+            return values;
+        }
+        for index in &self.incumbents {
+            let others = self.incumbents.iter().filter(|other| *other != index);
+            let likely = others.clone().filter(|other| self.ln_feasible(**other) > 0.5_f64.ln());
+            let best = |means: &mut dyn Iterator<Item = &usize>| {
+                means.map(|other| surface.means[*other]).fold(f64::INFINITY, f64::min)
+            };
+            let (likely, all) = (best(&mut likely.into_iter()), best(&mut others.into_iter()));
+            let gap = (surface.means[*index] - if likely.is_finite() { likely } else { all }).abs();
+            values[*index] = ln_improvement(-gap, surface.deviation(*index))
+                + self.ln_feasible(*index)
+                + self.success[*index];
+        }
+        values
     }
 
     /// Whether drawn values meet all constraints at an incumbent.

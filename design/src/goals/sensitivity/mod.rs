@@ -123,6 +123,16 @@ impl Sensitivity {
             faults.push(fault(&format!("{at}/width"), self.width, "no width", "more than 0"));
         }
         let design = self.design(factors, budget, 0);
+        for (index, factor) in factors.iter().enumerate().filter(|(_, factor)| factor.is_categorical()) {
+            if design.method == Method::Morris {
+                let detail = format!(
+                    "{} has levels without an order, and `morris` takes steps on a scale",
+                    factor.name
+                );
+                let allowed = "`low` and `high`; else the method `sobol`, which takes levels";
+                faults.push(fault(&format!("/factors/{index}/levels"), &factor.levels, &detail, allowed));
+            }
+        }
         let limit = design.max_factors();
         if factors.len() > limit {
             let allowed = format!("at most {limit} factors with this method");
@@ -137,9 +147,8 @@ impl Sensitivity {
     }
 
     fn design<'a>(&self, factors: &'a [Factor], budget: &Budget, seed: u64) -> Design<'a> {
-        // A second replicate of some points separates the noise of the seed.
-        let method = self.method(factors.len());
-        Design { method, factors, has_noise_runs: budget.max_replicates > 1, seed }
+        let max_replicates = u32::try_from(budget.max_replicates).unwrap_or(u32::MAX).max(1);
+        Design { method: self.method(factors.len()), factors, max_replicates, seed }
     }
 }
 
@@ -175,7 +184,7 @@ pub(super) fn decide(goal: &Sensitivity, study: &Study<'_>) -> Course {
     let finding = SensitivityAnswer {
         method: design.method,
         rows: progress.rows,
-        lost: progress.lost(goal, &design, study),
+        lost: progress.lost(goal, study),
         measures,
     };
     Course {
@@ -194,10 +203,8 @@ fn sobol(
     study: &Study<'_>,
     names: &[&str],
 ) -> MeasureSensitivity {
-    let rows: Vec<_> = progress
-        .values(measure, design, study)
-        .filter_map(|values| jansen::Row::of(&values, names.len()))
-        .collect();
+    let rows: Vec<_> =
+        progress.values(measure, study).filter_map(|values| jansen::Row::of(&values, names.len())).collect();
     let sums = jansen::Terms::of(&rows);
     let indices = sums.indices(None).filter(|_| progress.rows >= design.first_look());
     let effects = indices.map(|indices| {

@@ -2,10 +2,11 @@
 //!
 //! | symbol | meaning |
 //! |---|---|
-//! | dᵢ | elementary effect of factor i in a trajectory: difference of the response over that of the coordinate, ±½ |
+//! | dᵢ | elementary effect of factor i in a trajectory: difference of the response over that of the coordinate, Δᵢ |
+//! | Δᵢ | ±½; of whole numbers the difference between two of them, as a share of that from the lowest to the highest |
 //! | μ, μ* | mean of dᵢ, and of its absolute value, over trajectories |
 //! | σ | standard deviation of dᵢ: interaction or curvature |
-//! | noise floor | μ* of a factor without effect: 2σ₁/(√π ½), σ₁ the standard deviation of single runs at one point |
+//! | noise floor | μ* of a factor without effect: 2σ₁/√π ⟨1/Δᵢ⟩, σ₁ the standard deviation of single runs at one point |
 //!
 //! Source: Morris 1991, Technometrics 33, 161; Campolongo et al. 2007, Environmental Modelling & Software 22, 1509. A
 //! trajectory starts at a point of a Sobol' sequence and moves each coordinate by half the range, towards the other half.
@@ -17,6 +18,7 @@ use serde::{Deserialize, Serialize};
 use super::rows::{Design, Progress};
 use super::saltelli::sobol_point;
 use super::{Effects, MeasureSensitivity};
+use crate::factor::Factor;
 use crate::goals::Study;
 use crate::intervals::Estimated;
 use crate::question::Measure;
@@ -64,13 +66,22 @@ pub(super) fn order(row: u32, factors: usize, seed: u64) -> Vec<usize> {
     order
 }
 
-/// Elementary effects of each factor from a trajectory's start, order and values; none beside a lost run.
-pub(super) fn effects(start: &[f64], order: &[usize], values: &[Option<f64>]) -> Vec<Option<f64>> {
+/// The change Δ of each factor in the trajectory from a start.
+pub(super) fn changes(factors: &[Factor], start: &[f64]) -> Vec<f64> {
+    let change = |(factor, start): (&Factor, &f64)| {
+        let step = if *start < STEP { STEP } else { -STEP };
+        let share = |coordinate| factor.share(factor.value(coordinate));
+        if factor.is_whole { share(start + step) - share(*start) } else { step }
+    };
+    factors.iter().zip(start).map(change).collect()
+}
+
+/// Elementary effects of each factor from a trajectory's changes, order and values; none beside a lost run.
+pub(super) fn effects(changes: &[f64], order: &[usize], values: &[Option<f64>]) -> Vec<Option<f64>> {
     let mut effects = vec![None; order.len()];
     for (step, factor) in order.iter().enumerate() {
-        let change = if start[*factor] < STEP { STEP } else { -STEP };
         effects[*factor] =
-            values[step].zip(values[step + 1]).map(|(before, after)| (after - before) / change);
+            values[step].zip(values[step + 1]).map(|(before, after)| (after - before) / changes[*factor]);
     }
     effects
 }
@@ -94,10 +105,13 @@ pub(super) fn sensitivity(
 ) -> MeasureSensitivity {
     let factors = names.len();
     let mut by_factor = vec![Vec::new(); factors];
-    let mut noise = Vec::new();
-    for (row, values) in progress.values(measure, design, study).enumerate() {
-        let start = sobol_point(row as u32, factors, design.seed, 0);
-        let found = effects(&start, &order(row as u32, factors, design.seed), &values);
+    let (mut noise, mut inverses) = (Vec::new(), vec![0.0; factors]);
+    for (row, values) in progress.values(measure, study).enumerate() {
+        let changes = changes(design.factors, &sobol_point(row as u32, factors, design.seed, 0));
+        let found = effects(&changes, &order(row as u32, factors, design.seed), &values);
+        for (sum, change) in inverses.iter_mut().zip(&changes) {
+            *sum += 1.0 / change.abs();
+        }
         for (all, effect) in by_factor.iter_mut().zip(found) {
             all.extend(effect);
         }
@@ -105,9 +119,10 @@ pub(super) fn sensitivity(
         noise.extend(values[0].zip(again).map(|(one, other)| 0.5 * (one - other).powi(2)));
     }
     let noise_variance = Sample::of(&noise).map(|sample| sample.mean);
-    let floor = noise_variance.map(|variance| 2.0 * (variance / std::f64::consts::PI).sqrt() / STEP);
-    let of_factor = |(effects, name): (&Vec<f64>, &&str)| {
+    let floor = noise_variance.map(|variance| 2.0 * (variance / std::f64::consts::PI).sqrt());
+    let of_factor = |((effects, inverses), name): ((&Vec<f64>, &f64), &&str)| {
         let (mu, mu_star, sigma) = summary(effects)?;
+        let floor = floor.map(|floor| floor * inverses / progress.rows as f64);
         Some(MorrisEffects {
             factor: (*name).to_owned(),
             has_effect: floor.zip(mu_star.low).map(|(floor, low)| low > floor),
@@ -117,7 +132,7 @@ pub(super) fn sensitivity(
             sigma,
         })
     };
-    let effects: Option<Vec<_>> = by_factor.iter().zip(names).map(of_factor).collect();
+    let effects: Option<Vec<_>> = by_factor.iter().zip(&inverses).zip(names).map(of_factor).collect();
     let effects = effects.filter(|effects| {
         progress.rows >= FIRST_LOOK && effects.iter().any(|effect| effect.mu_star.value > 0.0)
     });

@@ -1,6 +1,13 @@
 //! The rows of a design: which of them are complete, which runs come next, and which runs were lost.
+//!
+//! A point may come several times: with a single factor, with whole numbers, and with levels. Each time it has a run of its own, the next
+//! replicate of the point, because the terms of the indices take the noise of runs for independent. A cancelled run has no part in the
+//! design: the next replicate takes its place.
+
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::{Method, Sensitivity, morris, saltelli};
 use crate::decision::Proposal;
@@ -17,16 +24,16 @@ const MAX_ROWS: usize = 1 << 16;
 pub(super) struct Design<'a> {
     pub(super) method: Method,
     pub(super) factors: &'a [Factor],
-    /// Whether the first point of every row is run twice, for the noise of the seed.
-    pub(super) has_noise_runs: bool,
+    /// Maximum number of runs at a point.
+    pub(super) max_replicates: u32,
     pub(super) seed: u64,
 }
 
-/// A run of a design that failed, was cancelled, or lacks a response.
+/// A run of a design that failed or lacks a response.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LostRun {
-    /// Values of the factors.
-    pub values: Vec<f64>,
+    /// Values of the factors: numbers in their units, or levels.
+    pub values: Vec<Value>,
     /// Its replicate.
     pub replicate: u32,
     /// Its row of the design, from 0 on.
@@ -38,6 +45,8 @@ pub struct LostRun {
 pub(super) struct Progress {
     /// Rows that the numbers rest on: the first ones, all their runs at an end.
     pub(super) rows: usize,
+    /// The runs of these rows.
+    runs: Vec<Vec<Proposal>>,
     /// The next runs: whole rows only, within the budget.
     pub(super) proposals: Vec<Proposal>,
     /// Whether the budget has no room for another row.
@@ -65,23 +74,41 @@ impl Design<'_> {
             Method::Sobol => self.factors.len() + 2,
             Method::Morris => self.factors.len() + 1,
         };
-        points + usize::from(self.has_noise_runs)
+        points + usize::from(self.has_noise_runs())
     }
 
-    /// The runs of a row: replicate 0 of its points, then perhaps replicate 1 of the first.
-    fn runs(&self, row: usize) -> Vec<Proposal> {
+    /// Whether the first point of every row is run twice, for the noise of the seed.
+    fn has_noise_runs(&self) -> bool {
+        self.max_replicates > 1
+    }
+
+    /// The points of the runs of a row, then perhaps the first again.
+    fn points(&self, row: usize) -> Vec<Point> {
         let (row, factors) = (row as u32, self.factors.len());
         let points = match self.method {
             Method::Sobol => saltelli::points(row, factors, self.seed),
             Method::Morris => morris::points(row, factors, self.seed),
         };
-        let run =
-            |point: &Vec<f64>| Proposal { point: Point::new(point).rounded(self.factors), replicate: 0 };
-        let mut runs: Vec<_> = points.iter().map(run).collect();
-        if self.has_noise_runs {
-            runs.push(Proposal { replicate: 1, ..runs[0].clone() });
+        let mut points: Vec<_> = points.iter().map(|point| Point::new(point).rounded(self.factors)).collect();
+        if self.has_noise_runs() {
+            points.push(points[0].clone());
         }
-        runs
+        points
+    }
+
+    /// The runs of a row, by the number of runs that earlier rows have at each point. A point that has its maximum shares them.
+    fn runs(&self, row: usize, used: &mut BTreeMap<Point, u32>, study: &Study<'_>) -> Vec<Proposal> {
+        let run = |point: Point| {
+            let time = used.entry(point.clone()).or_default();
+            let mut replicate = *time % self.max_replicates;
+            *time += 1;
+            let known = study.evidence.at(&point).into_iter().flat_map(|runs| &runs.runs);
+            for (cancelled, _) in known.filter(|(_, outcome)| **outcome == Outcome::Cancelled) {
+                replicate += u32::from(*cancelled <= replicate);
+            }
+            Proposal { point, replicate }
+        };
+        self.points(row).into_iter().map(run).collect()
     }
 
     /// The largest number of rows up to `rows` at which one looks: 2ᵏ or 1.5·2ᵏ times the first. Between looks the number
@@ -103,18 +130,24 @@ impl Progress {
         let (mut complete, mut started) = (0, 0);
         let (mut proposals, mut used) = (Vec::new(), study.evidence.spent());
         let mut is_spent = true;
+        let (mut rows, mut times, mut proposed) = (Vec::new(), BTreeMap::new(), BTreeSet::new());
         for row in 0..MAX_ROWS {
-            let runs = design.runs(row);
-            let missing: Vec<_> = runs.iter().filter(|run| outcome(study, run).is_none()).cloned().collect();
+            let runs = design.runs(row, &mut times, study);
+            let missing = runs.iter().filter(|run| outcome(study, run).is_none());
+            let missing: Vec<Proposal> =
+                missing.filter(|run| proposed.insert((*run).clone())).cloned().collect();
+            used += missing.len();
+            // Shared runs count in each row: rows without new runs would have no end.
+            let budget = study.question.budget.max_runs;
+            if used > budget || (row + 1) * design.runs_per_row() > budget {
+                break;
+            }
             let is_over =
                 |run: &Proposal| outcome(study, run).is_some_and(|state| *state != Outcome::Pending);
             if row == complete && runs.iter().all(is_over) {
                 complete += 1;
             }
-            used += missing.len();
-            if used > study.question.budget.max_runs {
-                break;
-            }
+            rows.push(runs);
             started = row + 1;
             proposals.extend(missing);
             if proposals.len() > study.room {
@@ -123,23 +156,24 @@ impl Progress {
             }
         }
         // The last look has all rows of the budget.
-        let rows = if is_spent && complete == started { complete } else { design.look(complete) };
-        Self { rows, proposals, is_spent: is_spent && complete == started }
+        let is_spent = is_spent && complete == started;
+        let looked_at = if is_spent { complete } else { design.look(complete) };
+        rows.truncate(looked_at);
+        Self { rows: looked_at, runs: rows, proposals, is_spent }
     }
 
     /// The values of a measure's response in each row; none where the run was lost.
     pub(super) fn values<'a>(
-        &self,
+        &'a self,
         measure: &'a Measure,
-        design: &'a Design<'a>,
         study: &'a Study<'_>,
     ) -> impl Iterator<Item = Vec<Option<f64>>> + 'a {
-        (0..self.rows).map(move |row| design.runs(row).iter().map(|run| value(study, run, measure)).collect())
+        self.runs.iter().map(move |runs| runs.iter().map(|run| value(study, run, measure)).collect())
     }
 
     /// Whether all values of a measure are equal, in enough rows for intervals.
     pub(super) fn is_constant(&self, measure: &Measure, design: &Design<'_>, study: &Study<'_>) -> bool {
-        let values: Vec<f64> = self.values(measure, design, study).flatten().flatten().collect();
+        let values: Vec<f64> = self.values(measure, study).flatten().flatten().collect();
         // At least half of the runs have values.
         let is_enough =
             self.rows >= design.first_look() && 2 * values.len() >= self.rows * design.runs_per_row();
@@ -147,16 +181,17 @@ impl Progress {
     }
 
     /// Runs of the rows that a measure lacks.
-    pub(super) fn lost(&self, goal: &Sensitivity, design: &Design<'_>, study: &Study<'_>) -> Vec<LostRun> {
+    pub(super) fn lost(&self, goal: &Sensitivity, study: &Study<'_>) -> Vec<LostRun> {
         let is_lost = |run: &Proposal| goal.of.iter().any(|measure| value(study, run, measure).is_none());
-        let in_row = |row: usize| {
-            design.runs(row).into_iter().filter(is_lost).map(move |run| LostRun {
-                values: run.point.values(&study.question.factors),
+        let in_row = |(row, runs): (usize, &Vec<Proposal>)| {
+            let lost = |run: &Proposal| LostRun {
+                values: run.point.levels(&study.question.factors),
                 replicate: run.replicate,
                 row,
-            })
+            };
+            runs.iter().filter(|run| is_lost(run)).map(lost).collect::<Vec<_>>()
         };
-        (0..self.rows).flat_map(in_row).collect()
+        self.runs.iter().enumerate().flat_map(in_row).collect()
     }
 }
 

@@ -8,6 +8,7 @@ use serde_json::Value;
 
 use super::jansen::{Row, Terms};
 use super::{intervals, morris, saltelli};
+use crate::Factor;
 
 /// Share of intervals that must contain the truth. Nominal are 95 %.
 const MIN_COVERAGE: f64 = 0.94;
@@ -118,6 +119,12 @@ fn indices_match_salib() {
     }
 }
 
+/// The changes of factors with ranges.
+fn changes(start: &[f64]) -> Vec<f64> {
+    let factors: Vec<Factor> = start.iter().map(|_| Factor::range("x".into(), 0.0, 1.0)).collect();
+    morris::changes(&factors, start)
+}
+
 #[test]
 fn elementary_effects_match_salib() {
     let document = &salib()["morris"];
@@ -127,7 +134,8 @@ fn elementary_effects_match_salib() {
     for ((start, order), values) in starts.iter().zip(&orders).zip(&values) {
         let order: Vec<usize> = order.iter().map(|factor| *factor as usize).collect();
         let values: Vec<_> = values.iter().map(|value| Some(*value)).collect();
-        for (all, effect) in by_factor.iter_mut().zip(morris::effects(start, &order, &values)) {
+        let changes = changes(start);
+        for (all, effect) in by_factor.iter_mut().zip(morris::effects(&changes, &order, &values)) {
             all.extend(effect);
         }
     }
@@ -185,7 +193,7 @@ fn intervals_of_absolute_effects_cover_the_truth() {
     let effects = |row, seed| -> Vec<Option<f64>> {
         let points = morris::points(row, 4, seed);
         let values: Vec<_> = points.iter().map(|point| Some((known.value)(point))).collect();
-        morris::effects(&points[0], &morris::order(row, 4, seed), &values)
+        morris::effects(&changes(&points[0]), &morris::order(row, 4, seed), &values)
     };
     let mut truth = [0.0; 4];
     for row in 0..1 << 16 {

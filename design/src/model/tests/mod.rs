@@ -11,6 +11,9 @@ use super::*;
 #[derive(Deserialize)]
 struct Case {
     lengths: Vec<f64>,
+    /// Number of levels of each factor, 0 for a range; empty for ranges alone.
+    #[serde(default)]
+    levels: Vec<usize>,
     variance: f64,
     constant: f64,
     points: Vec<Vec<f64>>,
@@ -33,6 +36,7 @@ struct Cases {
     gaussian: Vec<Case>,
     binomial: Vec<Case>,
     hetgpy: Vec<Case>,
+    levels: Vec<Case>,
 }
 
 fn cases() -> Cases {
@@ -41,7 +45,9 @@ fn cases() -> Cases {
 
 impl Case {
     fn kernel(&self) -> Kernel {
-        Kernel { lengths: self.lengths.clone(), variance: self.variance, constant: self.constant }
+        let ranges = vec![0; self.lengths.len()];
+        let levels = if self.levels.is_empty() { ranges } else { self.levels.clone() };
+        Kernel { lengths: self.lengths.clone(), levels, variance: self.variance, constant: self.constant }
     }
 
     fn points(&self) -> DMatrix<f64> {
@@ -86,6 +92,15 @@ fn counts_agree_with_the_equations_in_numpy() {
 }
 
 #[test]
+fn means_over_levels_agree_with_scikit_learn() {
+    for case in cases().levels {
+        assert!(case.levels.iter().any(|levels| *levels > 0));
+        let fit = gaussian::fit(&case.points(), &case.replicated(), &case.kernel(), &case.noise).unwrap();
+        case.check(fit.log_likelihood, &fit.posterior, 1e-8);
+    }
+}
+
+#[test]
 fn means_agree_with_hetgpy() {
     for case in cases().hetgpy {
         let fit = gaussian::fit(&case.points(), &case.replicated(), &case.kernel(), &case.noise).unwrap();
@@ -117,7 +132,7 @@ fn check_gradient(case: &Case, gradient: &[f64], log_likelihood: impl Fn(&Kernel
 
 #[test]
 fn gradients_agree_with_differences() {
-    for case in cases().gaussian {
+    for case in cases().gaussian.into_iter().chain(cases().levels) {
         let fit = |kernel: &Kernel, factor: f64| {
             let noise: Vec<f64> = case.noise.iter().map(|noise| noise * factor).collect();
             gaussian::fit(&case.points(), &case.replicated(), kernel, &noise).unwrap()
@@ -170,6 +185,10 @@ fn a_fantasy_changes_variances_as_a_run_with_the_mean_as_its_result_does() {
     }
 }
 
+fn range() -> Factor {
+    Factor::range("x".into(), 0.0, 1.0)
+}
+
 /// Runs of a response with standard deviation 0.1 at one end of the range and 1 at the other.
 fn uneven(replicates: u32) -> Vec<PointRuns> {
     let mut random = crate::tests::truth::Random(4);
@@ -194,7 +213,7 @@ fn noise_is_smoothed_over_the_range() {
     let measure = Measure::Mean("y".into());
     let ends = columns(1, &[[0.05], [0.95]]);
     let deviations = |replicates: u32| {
-        let model = Model::fit(&measure, &uneven(replicates)).unwrap();
+        let model = Model::fit(&[range()], &measure, &uneven(replicates)).unwrap();
         let Likelihood::Gaussian { spread, .. } = &model.likelihood else { panic!("a mean") };
         let noise = model.noise(&ends, &model.posterior.predict(&ends));
         [noise[0].sqrt() * spread, noise[1].sqrt() * spread]
@@ -208,12 +227,12 @@ fn noise_is_smoothed_over_the_range() {
 
 #[test]
 fn a_model_finds_a_line_and_converts_its_values() {
-    let model = Model::fit(&Measure::Mean("y".into()), &uneven(4)).unwrap();
+    let model = Model::fit(&[range()], &Measure::Mean("y".into()), &uneven(4)).unwrap();
     let at = columns(1, &[[0.3]]);
     let prediction = model.posterior.predict(&at);
     let value = model.value(prediction.means[0]);
     assert!((value - 5.6).abs() < 0.1, "{value}");
     assert!((model.value(model.latent(5.6)) - 5.6).abs() < 1e-12);
     assert!(model.alternatives.len() == 6, "two for each of three hyperparameters");
-    assert!(Model::fit(&Measure::Mean("other".into()), &uneven(4)).is_none());
+    assert!(Model::fit(&[range()], &Measure::Mean("other".into()), &uneven(4)).is_none());
 }
