@@ -1,6 +1,6 @@
 //! Goal `estimate`: replicate each point until the interval of each named response is as narrow as asked.
 //!
-//! Equal values of a mean have no interval: their point gets its maximum of replicates.
+//! Equal values of a mean have no interval. After [`MAX_EQUAL`] of them the measure counts as constant at its point, and needs no more.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -12,6 +12,10 @@ use crate::factor::Factor;
 use crate::fault::{Fault, fault};
 use crate::intervals::{Estimated, MIN_MEAN_RUNS, values_needed};
 use crate::question::Measure;
+
+/// Number of equal values of a mean after which it counts as constant. A response that differs in 14 % of the runs or more would have
+/// shown it with a probability of 95 %.
+pub const MAX_EQUAL: usize = 20;
 
 /// The fields of the goal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,6 +64,9 @@ pub struct MeasureEstimate {
     pub estimated: Option<Estimated>,
     /// Whether the interval is as narrow as asked.
     pub is_narrow: bool,
+    /// Whether all values of a mean are equal, 20 or more of them. They have no interval, and the point needs no more runs for this measure.
+    #[serde(default)]
+    pub is_constant: bool,
 }
 
 impl Estimate {
@@ -104,12 +111,20 @@ impl Estimate {
 /// The estimates at a point with its runs.
 fn estimates(goal: &Estimate, runs: Option<&PointRuns>) -> Vec<MeasureEstimate> {
     let of_measure = |interval: &MeasureWidth| {
-        let estimated = runs.and_then(|runs| Estimated::of(&interval.of, &runs.values(&interval.of)));
+        let values = runs.map_or(Vec::new(), |runs| runs.values(&interval.of));
+        let estimated = Estimated::of(&interval.of, &values);
         let is_narrow =
             estimated.and_then(|found| found.width()).is_some_and(|width| width <= interval.width);
-        MeasureEstimate { of: interval.of.clone(), estimated, is_narrow }
+        let is_constant = is_constant(&interval.of, &values);
+        MeasureEstimate { of: interval.of.clone(), estimated, is_narrow, is_constant }
     };
     goal.intervals.iter().map(of_measure).collect()
+}
+
+/// Whether enough values of a mean are equal to call it constant.
+fn is_constant(measure: &Measure, values: &[f64]) -> bool {
+    let is_mean = matches!(measure, Measure::Mean(_));
+    is_mean && values.len() >= MAX_EQUAL && values.iter().all(|value| *value == values[0])
 }
 
 /// Number of runs that the point should have next to those it has, by a forecast from its values.
@@ -118,11 +133,15 @@ fn missing(goal: &Estimate, runs: Option<&PointRuns>, most: usize) -> usize {
     let of_measure = |interval: &MeasureWidth| {
         let values = runs.values(&interval.of);
         let narrow = Estimated::of(&interval.of, &values).and_then(|found| found.width());
-        if narrow.is_some_and(|width| width <= interval.width) {
+        if narrow.is_some_and(|width| width <= interval.width) || is_constant(&interval.of, &values) {
             return 0;
         }
         // At least one run more: the forecast may have been met without success.
-        values_needed(&interval.of, &values, interval.width, most).max(values.len() + 1) - values.len()
+        let needed = values_needed(&interval.of, &values, interval.width, most).max(values.len() + 1);
+        let is_equal =
+            matches!(interval.of, Measure::Mean(_)) && values.iter().all(|value| *value == values[0]);
+        let needed = if is_equal && !values.is_empty() { needed.min(MAX_EQUAL) } else { needed };
+        needed - values.len()
     };
     let more = goal.intervals.iter().map(of_measure).max().unwrap_or(0);
     more.saturating_sub(runs.pending()).min(most.saturating_sub(runs.count()))
@@ -143,7 +162,7 @@ pub(super) fn decide(goal: &Estimate, study: &Study<'_>) -> Course {
         let measures = estimates(goal, runs);
         if !is_excluded {
             usable += 1;
-            is_met &= measures.iter().all(|measure| measure.is_narrow);
+            is_met &= measures.iter().all(|measure| measure.is_narrow || measure.is_constant);
             let (known, next) = runs.map_or((0, 0), |runs| (runs.count(), runs.next_replicate()));
             let more = missing(goal, runs, budget.max_replicates).min(study.room);
             queue.extend((0..more).map(|index| (known + index, point.clone(), next + index as u32)));

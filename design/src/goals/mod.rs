@@ -6,7 +6,7 @@ pub(crate) mod optimise;
 pub(crate) mod sensitivity;
 
 pub use boundary::{Boundary, BoundaryAnswer, Crossing, MapPoint, ObservedPoint, Place, Side};
-pub use estimate::{Estimate, EstimateAnswer, MeasureEstimate, MeasureWidth, PointEstimate};
+pub use estimate::{Estimate, EstimateAnswer, MAX_EQUAL, MeasureEstimate, MeasureWidth, PointEstimate};
 pub use optimise::{
     Bounds, Confirmation, ConfirmationState, Constraint, FIRST_CONFIRMATION, Forecast, Objective, Obstacle,
     Optimise, OptimiseAnswer, Recommendation,

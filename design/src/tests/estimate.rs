@@ -175,3 +175,32 @@ fn a_response_that_never_appears_ends_its_point() {
     assert!(excluded.done < 20 && points(&decision)[0].is_excluded, "{excluded:?}");
     assert_eq!(decision.answer.unusable[0].missing, excluded.done);
 }
+
+#[test]
+fn equal_values_of_a_mean_end_after_a_stated_number() {
+    let document = json!({
+        "factors": [{ "name": "gate", "low": 0.0, "high": 10.0 }],
+        "goal": { "estimate": {
+            "points": [[2.0], [8.0]],
+            "intervals": [{ "of": { "mean": "rate" }, "width": 0.5 }],
+        } },
+        "budget": { "max_runs": 10_000 },
+    });
+    let question = Question::read(&document).unwrap();
+    let mut random = Random(3);
+    // At 2 all values are equal, at 8 they vary.
+    let (runs, decision) =
+        play(&question, ("rate", 10, 1), |at| if at[0] < 0.5 { 3.0 } else { 3.0 + random.normal() });
+    assert_eq!(decision.finished, Some(Finished::ByRule));
+    let found: Vec<_> = points(&decision).iter().map(|point| &point.measures[0]).collect();
+    assert_eq!((found[0].is_constant, found[0].is_narrow, found[1].is_constant), (true, false, false));
+    assert!(found[1].is_narrow);
+    let equal = runs.iter().filter(|run| run.point == Point::new(&[0.2])).count();
+    assert_eq!(equal, crate::goals::MAX_EQUAL);
+    // One value that differs is a spread again.
+    let mut runs = runs;
+    let index = runs.iter().position(|run| run.point == Point::new(&[0.2])).unwrap();
+    runs[index] = run(&Proposal { point: Point::new(&[0.2]), replicate: runs[index].replicate }, "rate", 9.0);
+    let decision = decide(&question, &Evidence::new(runs), 10, 1);
+    assert!(decision.finished.is_none() && !points(&decision)[0].measures[0].is_constant);
+}
