@@ -174,3 +174,36 @@ fn faults_name_field_value_and_allowed_range() {
     assert_eq!(pointers, ["/goal/sensitivity/of", "/goal/sensitivity/width", "/budget/max_runs"]);
     assert_eq!(faults[2].allowed, "at least 384 for 3 factors");
 }
+
+#[test]
+fn a_single_factor_proposes_no_run_twice_and_explains_all() {
+    // a with the coordinate of b is b: its run is another replicate, and not the same run again.
+    let question = asked(1, json!({"of": [{"mean": "y"}], "width": 0.001}), 256);
+    let decision = roost_design::decide(&question, &roost_design::Evidence::default(), 1000, 3);
+    let runs: std::collections::BTreeSet<_> = decision.proposals.iter().collect();
+    assert_eq!((runs.len(), decision.proposals.len()), (256, 256));
+    let simulate = |point: &[f64], replicate: u32| {
+        responses(&[("y", 3.0 * point[0] + normal(&mut generator(4, point, replicate)))])
+    };
+    let (_, decision) = study(&question, 3, 20, simulate);
+    for found in [sobol(&decision)[0].first_order, sobol(&decision)[0].total] {
+        assert!(found.low.unwrap() <= 1.0 && 1.0 <= found.high.unwrap(), "{found:?}");
+    }
+}
+
+#[test]
+fn cancelled_runs_are_made_up_for_and_not_lost() {
+    let question = asked(2, json!({"of": [{"mean": "y"}], "width": 0.001}), 64 * 5);
+    let is_cancelled =
+        |replicate: u32, point: &[f64]| replicate < 2 && ((point[0] * 1000.0) as u32).is_multiple_of(9);
+    let simulate = |point: &[f64], replicate: u32| {
+        if is_cancelled(replicate, point) { Outcome::Cancelled } else { responses(&[("y", point[0])]) }
+    };
+    let (runs, decision) = study(&question, 5, 20, simulate);
+    let cancelled = runs.iter().filter(|run| run.outcome == Outcome::Cancelled).count();
+    assert!(cancelled > 10, "{cancelled}");
+    let finding = finding(&decision);
+    assert_eq!((decision.finished, finding.rows, &finding.lost), (Some(Finished::ByBudget), 64, &Vec::new()));
+    assert_eq!(runs.len(), 64 * 5 + cancelled, "each cancelled run is replaced by one");
+    assert!(sobol(&decision).iter().all(|found| found.total.n == 64 && found.first_order.n == 64));
+}
