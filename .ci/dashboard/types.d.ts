@@ -53,10 +53,12 @@ declare global {
   type MapPoint = { values: number[]; estimate: number; low: number; high: number; side: "below" | "above" | "band" };
   type Crossing = { low: number; high: number; estimates: number[]; is_certain: boolean };
   type BoundaryFinding = { level: number; crossings: Crossing[]; map: MapPoint[]; observed: { values: number[]; estimated: Estimated }[] };
-  type PointEstimate = { values: number[]; measures: { of: StudyMeasure; estimated: Estimated | null; is_narrow: boolean }[]; is_excluded: boolean };
+  /** The value of a factor: a number, or a level. */
+  type StudyValue = number | string | boolean;
+  type PointEstimate = { values: StudyValue[]; measures: { of: StudyMeasure; estimated: Estimated | null; is_narrow: boolean }[]; is_excluded: boolean };
   type Forecast = { of: StudyMeasure; value: number; low: number; high: number };
   type Recommendation = {
-    values: number[]; runs: number; objectives: Forecast[]; constraints: Forecast[];
+    values: StudyValue[]; runs: number; objectives: Forecast[]; constraints: Forecast[];
     confirmation: { state: "open" | "confirmed" | "refuted" | "undecided"; objectives: (Estimated | null)[]; constraints: (Estimated | null)[] } | null;
   };
   type OptimiseFinding = { recommended: Recommendation[]; rejected: Recommendation[] };
@@ -65,7 +67,7 @@ declare global {
   type SensitivityFinding = { measures: { of: StudyMeasure; effects: { sobol: SobolIndices[] } | { morris: MorrisEffects[] } | null }[] };
   type Finding = { estimate: { points: PointEstimate[] } } | { boundary: BoundaryFinding } | { optimise: OptimiseFinding } | { sensitivity: SensitivityFinding };
   /** A factor of a study; `pointer` is that of its first field. */
-  type StudyFactor = { pointer: string; label: string; low: number; high: number; is_log: boolean };
+  type StudyFactor = { pointer: string; label: string; low: number; high: number; is_log: boolean; levels: StudyValue[] | null };
 
   // Elements and tables.
   type Child = Node | string | number | boolean | null | undefined | Child[];

@@ -31,8 +31,9 @@ pub struct Ask {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AskedPoint {
-    /// Value by factor, in the unit of the factor's field. Values are rounded to about seven digits of the range.
-    pub values: BTreeMap<String, f64>,
+    /// Value by factor, in the unit of the factor's field, or a level. Numbers are rounded to about seven digits of the range.
+    #[schema(value_type = Object)]
+    pub values: BTreeMap<String, Value>,
     /// Number of further runs at the point.
     #[serde(default = "one")]
     #[schema(minimum = 1, maximum = 250)]
@@ -60,7 +61,8 @@ pub struct HandedOut {
     /// Its number within the study, by which its outcome is told.
     pub run: u64,
     /// Value by factor, in the unit of the factor's field.
-    pub values: BTreeMap<String, f64>,
+    #[schema(value_type = Object)]
+    pub values: BTreeMap<String, Value>,
     /// Its replicate at the point.
     pub replicate: u32,
     /// Its seed.
@@ -91,7 +93,8 @@ pub struct RunOutcome {
     pub run: Option<u64>,
     /// Value by factor of a point of the client.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub values: Option<BTreeMap<String, f64>>,
+    #[schema(value_type = Option<Object>)]
+    pub values: Option<BTreeMap<String, Value>>,
     /// Seed of a run at a point of the client. It tells runs at one point apart.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(maximum = 9_007_199_254_740_991_i64)]

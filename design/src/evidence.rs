@@ -34,10 +34,10 @@ impl Point {
         Some(Self::new(&coordinates.collect::<Option<Vec<f64>>>()?))
     }
 
-    /// The point of a run with some values of the factors; none outside their ranges. Its values are rounded, so that runs from before
+    /// The point of a run with some levels and numbers of the factors; none outside their ranges. Its values are rounded, so that runs from before
     /// a change of the ranges, or from elsewhere, belong to a point that can be proposed.
-    pub fn of_run(factors: &[Factor], values: &[f64]) -> Option<Self> {
-        Some(Self::of_values(factors, values)?.rounded(factors))
+    pub fn of_run(factors: &[Factor], levels: &[Value]) -> Option<Self> {
+        Some(Self::of_levels(factors, levels)?.rounded(factors))
     }
 
     /// The numbers of the factors, in their units; of a factor with levels the index of a level.

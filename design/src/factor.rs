@@ -194,7 +194,7 @@ impl Factor {
     }
 
     /// The allowed values in words.
-    pub(crate) fn allowed(&self) -> String {
+    pub fn allowed(&self) -> String {
         if self.is_categorical() {
             let levels: Vec<String> = self.levels.iter().map(Value::to_string).collect();
             return format!("one of {}", levels.join(", "));

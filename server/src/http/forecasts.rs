@@ -83,7 +83,11 @@ async fn study_forecast(app: &App, stored: &StoredStudy) -> Result<Forecast, Api
     let (sweep, _) = sweeps::recent_view(app, stored.id, AGE).await?;
     let ended = sweep.counts.succeeded + sweep.counts.failed;
     let left = |runs: u64| runs.saturating_sub(ended);
-    let fewest = Study::stored(stored.document()?, stored.max_runs).map_or(0, |study| study.least_runs());
+    // Copied runs may be all that the answer needs.
+    let fewest = match stored.seeding.is_empty() {
+        true => Study::stored(stored.present()?).map_or(0, |study| study.least_runs()),
+        false => 0,
+    };
     let runs_left = match stored.state {
         StudyState::Finished | StudyState::Cancelled => RunRange { least: 0, most: 0 },
         _ => RunRange {

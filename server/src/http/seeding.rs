@@ -39,7 +39,7 @@ pub(super) async fn runs(app: &App, sweeps: &[SweepId]) -> Result<Vec<SeedingRun
         return Err(ApiError::faults(faults));
     }
     for sweep in &mut found {
-        sweep.runs = app.store.finished_runs(sweep.sweep).await?;
+        sweep.runs = app.store.runs_to_copy(sweep.sweep).await?;
     }
     Ok(found)
 }

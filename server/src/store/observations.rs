@@ -165,7 +165,7 @@ impl Store {
     }
 
     /// The runs of a sweep that have a result, for a study that begins with them.
-    pub(crate) async fn finished_runs(&self, id: SweepId) -> Result<Vec<SweepRun>, StoreError> {
+    pub(crate) async fn runs_to_copy(&self, id: SweepId) -> Result<Vec<SweepRun>, StoreError> {
         let sql = "SELECT s.body, r.solver_revision, r.responses FROM jobs j
                    JOIN scenarios s ON s.digest = j.scenario_digest JOIN results r ON r.job_id = j.id
                    WHERE j.sweep_id = ? AND j.state = 'succeeded' ORDER BY j.point, j.replicate";

@@ -16,7 +16,7 @@ use crate::document::{fault, prefixed};
 #[derive(Clone, Debug)]
 pub(crate) struct HandOut {
     /// Value by factor.
-    pub(crate) levels: BTreeMap<String, f64>,
+    pub(crate) levels: BTreeMap<String, Value>,
     /// Its replicate.
     pub(crate) replicate: u32,
     /// Its seed.
@@ -34,7 +34,7 @@ impl Study {
         let mut decided = self.decide(trials, observations, count)?;
         let runs = std::mem::take(&mut decided.trials).into_iter().map(|trial| {
             let complete = json!(trial.scenario);
-            let value = |name: &String| complete.pointer(name).and_then(Value::as_f64).unwrap_or_default();
+            let value = |name: &String| complete.pointer(name).cloned().unwrap_or_default();
             let levels = self.factor_names().into_iter().map(|name| (name.clone(), value(&name)));
             HandOut { levels: levels.collect(), replicate: trial.replicate, seed: trial.scenario.seed }
         });
@@ -45,7 +45,7 @@ impl Study {
     /// The complete scenario of a run that was handed out.
     pub(crate) fn scenario_of(
         &self,
-        levels: &BTreeMap<String, f64>,
+        levels: &BTreeMap<String, Value>,
         seed: u64,
     ) -> Result<Scenario, Vec<Fault>> {
         let values = self.factor_names().iter().map(|name| json!(levels.get(name))).collect();
@@ -103,10 +103,10 @@ impl Study {
     pub(super) fn check_values(
         &self,
         at: &str,
-        values: &BTreeMap<String, f64>,
+        values: &BTreeMap<String, Value>,
         faults: &mut Vec<Fault>,
-    ) -> Option<Vec<f64>> {
-        let before = faults.len();
+    ) -> Option<Vec<Value>> {
+        let (before, mut levels) = (faults.len(), Vec::new());
         let names = self.factor_names();
         for (name, value) in values.iter().filter(|(name, _)| !names.contains(name)) {
             let at = format!("{at}/{}", escape(name));
@@ -114,15 +114,15 @@ impl Study {
         }
         for factor in &self.question.factors {
             let at = format!("{at}/{}", escape(&factor.name));
-            let allowed = format!("{} to {}", factor.low, factor.high);
-            match values.get(&factor.name) {
-                None => faults.push(fault(&at, Value::Null, "the factor has no value", &allowed)),
-                Some(value) if factor.coordinate(*value).is_none() => {
-                    faults.push(fault(&at, json!(value), "outside the range", &allowed));
-                }
-                Some(_) => {}
+            let Some(value) = values.get(&factor.name) else {
+                faults.push(fault(&at, Value::Null, "the factor has no value", &factor.allowed()));
+                continue;
+            };
+            match factor.number(value).filter(|number| factor.coordinate(*number).is_some()) {
+                Some(number) => levels.push(factor.level(number)),
+                None => faults.push(fault(&at, value.clone(), "no value of the factor", &factor.allowed())),
             }
         }
-        (faults.len() == before).then(|| names.iter().map(|name| values[name]).collect())
+        (faults.len() == before).then_some(levels)
     }
 }

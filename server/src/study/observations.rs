@@ -23,7 +23,7 @@ pub(crate) struct Observation {
     /// Its source.
     pub(crate) source: Source,
     /// Value by factor.
-    pub(crate) levels: BTreeMap<String, f64>,
+    pub(crate) levels: BTreeMap<String, Value>,
     /// Its replicate; another one is used if a job has it.
     pub(crate) replicate: u32,
     /// Its seed.

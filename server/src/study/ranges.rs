@@ -10,7 +10,7 @@ use super::{Present, Study, read};
 use crate::document::{fault, is_within};
 use crate::sweep::SweepLimits;
 
-/// Lowest and highest value by factor.
+/// Lowest and highest value by factor; 0 and 0 for one with levels.
 pub(crate) type Ranges = Vec<(f64, f64)>;
 
 /// The ranges of a document.
@@ -21,7 +21,7 @@ pub(super) fn ranges(factors: &[Factor]) -> Ranges {
 
 /// A document with other ranges.
 pub(crate) fn with_ranges(mut spec: StudySpec, ranges: &[(f64, f64)]) -> StudySpec {
-    for (factor, (low, high)) in spec.factors.iter_mut().zip(ranges) {
+    for (factor, (low, high)) in spec.factors.iter_mut().zip(ranges).filter(|(factor, _)| factor.levels.is_none()) {
         (factor.low, factor.high) = (Some(*low), Some(*high));
     }
     spec
@@ -55,6 +55,11 @@ pub(crate) fn widen(
         if entries[factor].replace(entry).is_some() {
             let pointer = json!(range.pointer);
             faults.push(fault(&format!("{at}/pointer"), pointer, "the factor is listed twice", "once"));
+        }
+        if before.factors[factor].levels.is_some() {
+            let detail = "the factor has levels and no range";
+            faults.push(fault(&format!("{at}/pointer"), json!(range.pointer), detail, "a factor with a range"));
+            continue;
         }
         let (low, high) = &mut wider[factor];
         let detail = "a range can only grow, since its runs are kept";

@@ -1,4 +1,4 @@
-//! Reading a study: its sweep at the corners of the range, then its question. Every fault of both is listed.
+//! Reading a study: its sweep at the corners of the range and at every level, then its question. Every fault of both is listed.
 
 use roost_api::Fault;
 use roost_api::design::{Design, DesignKind, Factor, Scale};
@@ -14,8 +14,10 @@ use super::{Present, Study, measures, ranges};
 use crate::document::{fault, read_leniently};
 use crate::sweep::{self, Expansion, Points, SweepLimits};
 
-/// Number of factors up to which every corner of the range is checked.
-const ALL_CORNERS: usize = 5;
+/// Number of combinations of ends and levels up to which all of them are checked.
+const ALL_CORNERS: usize = 64;
+/// The field whose values a study chooses itself.
+const SEED: &str = "/seed";
 
 /// Reads a submitted study, and the expansion of its sweep at the corners of the range, or lists every fault.
 pub(crate) fn read(
@@ -51,7 +53,12 @@ pub(crate) fn read(
     let corners = corners(&spec.factors);
     let expansion = sweep::read(json!(sweep_of(&spec, &corners)), meshes, limits);
     let expansion = expansion.map_err(|found| {
-        faults.extend(found.into_iter().map(|fault| at_factor(fault, &corners, &spec.factors)));
+        for found in found.into_iter().map(|fault| at_factor(fault, &corners, &spec.factors)) {
+            // An end or a level is in several corners.
+            if !faults.iter().any(|known| (&known.pointer, &known.value) == (&found.pointer, &found.value)) {
+                faults.push(found);
+            }
+        }
     });
     match (question, expansion) {
         (Some(question), Ok((_, expansion))) if faults.is_empty() => {
@@ -88,8 +95,11 @@ impl Study {
 /// The question of a study, or its faults with pointers into the study.
 fn question(spec: &StudySpec, max_runs: u32) -> Result<Question, Vec<Fault>> {
     let factor = |factor: &Factor| {
-        let scale = factor.scale.unwrap_or(Scale::Linear);
-        json!({"name": factor.name(), "low": factor.low, "high": factor.high, "scale": scale})
+        if let Some(levels) = &factor.levels {
+            return json!({"name": factor.name(), "levels": levels});
+        }
+        let (scale, is_whole) = (factor.scale.unwrap_or(Scale::Linear), is_whole(factor));
+        json!({"name": factor.name(), "low": factor.low, "high": factor.high, "scale": scale, "is_whole": is_whole})
     };
     let mut budget = json!(spec.budget);
     budget["max_runs"] = json!(max_runs);
@@ -107,39 +117,57 @@ fn of_question(found: roost_design::Fault) -> Fault {
     fault(&pointer, found.value, &found.detail, &found.allowed)
 }
 
-/// Checks that factors are ranges of numbers.
+/// Whether one of its fields has whole numbers.
+fn is_whole(factor: &Factor) -> bool {
+    let kind = |pointer: &str| fields::find(pointer).map(|field| field.kind);
+    let is_whole = |kind| matches!(kind, FieldKind::Integer(_) | FieldKind::NullableInteger(_));
+    factor.fields().into_iter().filter_map(kind).any(is_whole)
+}
+
+/// Checks that factors are ranges of numbers, or lists of levels.
 fn check_factors(spec: &StudySpec, faults: &mut Vec<Fault>) {
     let complete = scenario::from_value(&spec.base).map(|base| json!(base)).unwrap_or_default();
     for (index, factor) in spec.factors.iter().enumerate() {
         let at = format!("/factors/{index}");
-        let given = [
-            ("levels", factor.levels.as_ref().map(|levels| json!(levels))),
-            ("count", factor.count.map(|count| json!(count))),
-        ];
-        for (name, value) in given {
-            if let Some(value) = value {
-                let detail = "a factor of a study is a range, not a list of levels";
-                faults.push(fault(&format!("{at}/{name}"), value, detail, "`low` and `high`"));
-            }
+        if let Some(count) = factor.count {
+            let detail = "a study chooses the values of a range itself";
+            faults.push(fault(&format!("{at}/count"), json!(count), detail, "`low` and `high`, or `levels`"));
         }
-        for (name, value) in [("low", factor.low), ("high", factor.high)] {
-            if value.is_none() {
-                let detail = "a factor of a study has both ends of its range";
+        let ends = [("low", factor.low.map(|low| json!(low))), ("high", factor.high.map(|high| json!(high)))];
+        let scale = ("scale", factor.scale.map(|scale| json!(scale)));
+        if factor.levels.is_some() {
+            for (name, value) in ends.into_iter().chain([scale]) {
+                if let Some(value) = value {
+                    let detail = "a factor has either a range or levels";
+                    faults.push(fault(&format!("{at}/{name}"), value, detail, "`levels` alone"));
+                }
+            }
+        } else {
+            for (name, _) in ends.into_iter().filter(|(_, value)| value.is_none()) {
+                let detail = "a factor of a study has both ends of its range, or levels";
                 faults.push(fault(&format!("{at}/{name}"), Value::Null, detail, "a number"));
             }
         }
         for pointer in factor.fields() {
             let kind = fields::find(pointer).map(|field| field.kind);
             let is_number = match kind {
-                Some(kind) => {
-                    matches!(kind, FieldKind::Number(_) | FieldKind::Nullable(_) | FieldKind::NumberOrAuto(_))
-                }
+                Some(kind) => matches!(
+                    kind,
+                    FieldKind::Number(_)
+                        | FieldKind::Nullable(_)
+                        | FieldKind::NumberOrAuto(_)
+                        | FieldKind::Integer(_)
+                        | FieldKind::NullableInteger(_)
+                ),
                 // A field that does not exist has a fault of its own.
                 None => complete.pointer(pointer).is_none(),
             };
-            if !is_number {
-                let detail = "this field is no number on a continuous scale";
-                let allowed = "a field with a number, such as /equipment/gate_opening_m; a sweep for words, lists and whole numbers";
+            if pointer == SEED {
+                let detail = "a study chooses the seed of each run itself";
+                faults.push(fault(&format!("{at}/pointer"), json!(pointer), detail, "another field"));
+            } else if !is_number && factor.levels.is_none() {
+                let detail = "this field is no number and has no range";
+                let allowed = "`levels` for words, true and false; a range for a field with a number, such as /equipment/gate_opening_m";
                 faults.push(fault(&format!("{at}/pointer"), json!(pointer), detail, allowed));
             }
         }
@@ -161,28 +189,53 @@ fn check_seeding(spec: &StudySpec, question: Option<&Question>, faults: &mut Vec
     }
 }
 
-/// The corners of the range: rows of low and high values. Of many factors, one high value at a time.
-fn corners(factors: &[Factor]) -> Vec<Vec<f64>> {
-    let ends = |factor: &Factor| [factor.low.unwrap_or(0.0), factor.high.unwrap_or(1.0)];
-    let row = |is_high: &dyn Fn(usize) -> bool| -> Vec<f64> {
-        factors.iter().enumerate().map(|(index, factor)| ends(factor)[usize::from(is_high(index))]).collect()
+/// The values of a factor at the corners of the range: both ends, or every level.
+fn corner_values(factor: &Factor) -> Vec<Value> {
+    let number = |value: f64| {
+        if is_whole(factor) && value.fract() == 0.0 { json!(value as i64) } else { json!(value) }
     };
-    if factors.len() <= ALL_CORNERS {
-        return (0..1_usize << factors.len()).map(|corner| row(&|index| corner >> index & 1 == 1)).collect();
+    match &factor.levels {
+        Some(levels) if !levels.is_empty() => levels.clone(),
+        _ => vec![number(factor.low.unwrap_or(0.0)), number(factor.high.unwrap_or(1.0))],
     }
-    let one_high = (0..factors.len()).map(|high| row(&|index| index == high));
-    [row(&|_| false), row(&|_| true)].into_iter().chain(one_high).collect()
+}
+
+/// The corners of the range: rows of ends and levels, the first with the first of each, the last with the last. Of many combinations, one
+/// other value at a time.
+fn corners(factors: &[Factor]) -> Vec<Vec<Value>> {
+    let values: Vec<Vec<Value>> = factors.iter().map(corner_values).collect();
+    let count = values.iter().fold(1_usize, |count, values| count.saturating_mul(values.len()));
+    let first: Vec<Value> = values.iter().map(|values| values[0].clone()).collect();
+    if count > ALL_CORNERS {
+        let last = values.iter().map(|values| values[values.len() - 1].clone()).collect();
+        let others = values.iter().enumerate().flat_map(|(place, values)| {
+            let first = &first;
+            values[1..].iter().map(move |value| {
+                let mut row = first.clone();
+                row[place] = value.clone();
+                row
+            })
+        });
+        return [first.clone()].into_iter().chain(others).chain([last]).collect();
+    }
+    let mut rows = vec![Vec::new()];
+    for values in values {
+        let longer = |row: &Vec<Value>| -> Vec<Vec<Value>> {
+            values.iter().map(|value| [row.as_slice(), &[value.clone()]].concat()).collect()
+        };
+        rows = rows.iter().flat_map(longer).collect();
+    }
+    rows
 }
 
 /// The specification of a study's sweep: a list of the two corners of the range.
 pub(super) fn sweep_spec(spec: &StudySpec) -> SweepSpec {
     let corners = corners(&spec.factors);
-    let ends: Vec<Vec<f64>> = corners.first().into_iter().chain(corners.last()).cloned().collect();
+    let ends: Vec<Vec<Value>> = corners.first().into_iter().chain(corners.last()).cloned().collect();
     sweep_of(spec, &ends)
 }
 
-fn sweep_of(spec: &StudySpec, rows: &[Vec<f64>]) -> SweepSpec {
-    let rows = rows.iter().map(|row| row.iter().map(|value| json!(value)).collect()).collect();
+fn sweep_of(spec: &StudySpec, rows: &[Vec<Value>]) -> SweepSpec {
     let factors = spec.factors.iter().map(|factor| Factor {
         pointer: factor.pointer.clone(),
         pointers: factor.pointers.clone(),
@@ -192,7 +245,13 @@ fn sweep_of(spec: &StudySpec, rows: &[Vec<f64>]) -> SweepSpec {
         schema: None,
         name: spec.name.clone(),
         base: spec.base.clone(),
-        design: Design { kind: DesignKind::List, points: None, seed: None, rows: Some(rows), table: None },
+        design: Design {
+            kind: DesignKind::List,
+            points: None,
+            seed: None,
+            rows: Some(rows.to_vec()),
+            table: None,
+        },
         factors: factors.collect(),
         replicates: 1,
         priority: spec.priority,
@@ -206,14 +265,18 @@ fn sweep_of(spec: &StudySpec, rows: &[Vec<f64>]) -> SweepSpec {
     }
 }
 
-/// Moves a fault at a corner to the end of the factor's range.
-fn at_factor(found: Fault, corners: &[Vec<f64>], factors: &[Factor]) -> Fault {
+/// Moves a fault at a corner to the end of the factor's range, or to its level.
+fn at_factor(found: Fault, corners: &[Vec<Value>], factors: &[Factor]) -> Fault {
     let place = found.pointer.strip_prefix("/design/rows/").and_then(|rest| {
         let (row, rest) = rest.split_once('/')?;
         let factor = rest.split('/').next()?.parse::<usize>().ok()?;
         let value = corners.get(row.parse::<usize>().ok()?)?.get(factor)?;
-        let end = if factors.get(factor)?.high == Some(*value) { "high" } else { "low" };
-        Some(format!("/factors/{factor}/{end}"))
+        let place = corner_values(factors.get(factor)?).iter().position(|other| other == value)?;
+        Some(match (&factors[factor].levels, place) {
+            (Some(_), level) => format!("/factors/{factor}/levels/{level}"),
+            (None, 0) => format!("/factors/{factor}/low"),
+            (None, _) => format!("/factors/{factor}/high"),
+        })
     });
     match place {
         Some(pointer) => Fault { pointer, ..found },

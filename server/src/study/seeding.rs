@@ -29,9 +29,9 @@ pub(crate) struct SweepRun {
     pub(crate) responses: Map<String, Value>,
 }
 
-/// Runs that were copied before, by the bits of their values and by seed.
+/// Runs that were copied before, by the text of their values and by seed.
 #[derive(Debug, Default)]
-pub(crate) struct Copied(HashSet<(Vec<u64>, u64)>);
+pub(crate) struct Copied(HashSet<(Vec<String>, u64)>);
 
 impl Study {
     /// Copies the finished runs of a sweep, which has `without_result` others.
@@ -53,7 +53,7 @@ impl Study {
             shares_seeds: false,
         };
         let mut observations = Vec::new();
-        let mut points_by_seed: BTreeMap<u64, BTreeSet<Vec<u64>>> = BTreeMap::new();
+        let mut points_by_seed: BTreeMap<u64, BTreeSet<Vec<String>>> = BTreeMap::new();
         for run in runs {
             let (levels, seed) = match self.levels_of(&run.scenario) {
                 Ok(found) => found,
@@ -67,13 +67,13 @@ impl Study {
                 counts.other_revisions += 1;
                 continue;
             }
-            let bits: Vec<u64> = levels.values().map(|value| value.to_bits()).collect();
-            if !copied.0.insert((bits.clone(), seed)) {
+            let texts: Vec<String> = levels.values().map(Value::to_string).collect();
+            if !copied.0.insert((texts.clone(), seed)) {
                 counts.repeated += 1;
                 continue;
             }
             counts.copied += 1;
-            points_by_seed.entry(seed).or_default().insert(bits);
+            points_by_seed.entry(seed).or_default().insert(texts);
             observations.push(Observation {
                 source: Source::Sweep(sweep),
                 levels,
@@ -88,7 +88,7 @@ impl Study {
 
     /// The values of the factors in a scenario that differs from the base in nothing else but the seed, and its seed; or the first field
     /// in which it differs.
-    fn levels_of(&self, document: &Value) -> Result<(BTreeMap<String, f64>, u64), String> {
+    fn levels_of(&self, document: &Value) -> Result<(BTreeMap<String, Value>, u64), String> {
         let scenario: Scenario = scenario::from_value(document)
             .map_err(|faults| faults.into_iter().next().map(|fault| fault.pointer).unwrap_or_default())?;
         let complete = json!(scenario);
@@ -96,9 +96,11 @@ impl Study {
         let mut values = Vec::new();
         for name in self.factor_names() {
             let value = complete.pointer(&name).cloned().unwrap_or_default();
-            let Some(number) = value.as_f64() else { return Err(name) };
-            values.push(value);
-            levels.insert(name, number);
+            if value.is_null() {
+                return Err(name);
+            }
+            values.push(value.clone());
+            levels.insert(name, value);
         }
         let made = self.points.at_values(values);
         let made =

@@ -99,7 +99,9 @@ impl Study {
                     faults.push(fault(&format!("{at}/seed"), Value::Null, "the run has no seed", &allowed));
                     return None;
                 };
-                checked.map(|_| ToldRun::Own { levels: json!(values).to_string(), seed })
+                // The same numbers have the same text.
+                let levels = |levels: Vec<Value>| self.factor_names().into_iter().zip(levels).collect::<BTreeMap<_, _>>();
+                checked.map(|checked| ToldRun::Own { levels: json!(levels(checked)).to_string(), seed })
             }
             (run, _) => {
                 let detail = "the outcome names no run, or two";

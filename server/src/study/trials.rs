@@ -8,7 +8,7 @@ use roost_api::job::JobState;
 use roost_api::table::TrialRow;
 use roost_design::goals::FIRST_CONFIRMATION;
 use roost_design::{Evidence, Outcome, Point, Proposal, Run};
-use serde_json::json;
+use serde_json::Value;
 
 use super::Study;
 use super::observations::{Observation, Source, numbers};
@@ -68,9 +68,8 @@ impl Study {
         for trial in trials {
             known.count = known.count.max(trial.point + 1);
             known.seeds.insert(trial.seed);
-            let value = |name: &str| trial.factors.get(name)?.as_f64();
             // No trial is outside the ranges: they only grow.
-            let Some(point) = self.point(&value) else { continue };
+            let Some(point) = self.point(&|name| trial.factors.get(name)) else { continue };
             known.indices.entry(point.clone()).or_insert(trial.point);
             let outcome = outcome(trial);
             if outcome != Outcome::Cancelled {
@@ -84,7 +83,7 @@ impl Study {
         let mut free = 0;
         for observation in observations {
             known.seeds.insert(observation.seed);
-            let point = self.point(&|name| observation.levels.get(name).copied());
+            let point = self.point(&|name| observation.levels.get(name));
             let is_new = point.as_ref().is_none_or(|point| seen.insert((point.clone(), observation.seed)));
             if !is_new {
                 continue;
@@ -108,10 +107,10 @@ impl Study {
     }
 
     /// The point of some values; none outside the ranges.
-    fn point(&self, value: &dyn Fn(&str) -> Option<f64>) -> Option<Point> {
+    fn point<'a>(&self, level: &dyn Fn(&str) -> Option<&'a Value>) -> Option<Point> {
         let factors = &self.question.factors;
-        let values = factors.iter().map(|factor| value(&factor.name));
-        Point::of_run(factors, &values.collect::<Option<Vec<f64>>>()?)
+        let levels = factors.iter().map(|factor| level(&factor.name).cloned());
+        Point::of_run(factors, &levels.collect::<Option<Vec<Value>>>()?)
     }
 
     /// The replicate of a stored run in the evidence. A confirmation before the ranges grew was one of another question: its runs count as
@@ -139,21 +138,21 @@ impl Study {
     ) -> Result<(Vec<Trial>, u32), Vec<Fault>> {
         let mut trials = Vec::with_capacity(proposals.len());
         for Proposal { point, replicate } in proposals {
-            let values = point.values(&self.question.factors);
-            let made = self.points.at_values(values.iter().map(|value| json!(value)).collect())?;
+            let made = self.points.at_values(point.levels(&self.question.factors))?;
             let replicate = self.stored_replicate(*replicate);
             let is_new = !known.indices.contains_key(point);
             let index = *known.indices.entry(point.clone()).or_insert(known.count);
             known.count = known.count.max(index + 1);
             let mut scenario = made.scenario;
-            scenario.seed = self.new_seed(&values, replicate, &mut known.seeds);
+            scenario.seed = self.new_seed(&point.values(&self.question.factors), replicate, &mut known.seeds);
             let levels = is_new.then_some(made.levels);
             trials.push(Trial { point: index, replicate, scenario, levels });
         }
         Ok((trials, known.count))
     }
 
-    /// The seed of a run, which depends on the base's seed, the values of the factors and the replicate, and is none of `known`.
+    /// The seed of a run, which depends on the base's seed, the values of the factors (of levels their indices) and the replicate, and is none
+    /// of `known`.
     ///
     /// Runs at different points have different seeds: the models take their deviations for independent. Another study of the same base
     /// has the same seeds at the same points: if this one began with its runs, they are known.

@@ -1,7 +1,8 @@
 //! Words for factors, measures and numbers.
 
 use roost_api::quantity::Quantity;
-use roost_design::Measure;
+use roost_design::{Factor, Measure};
+use serde_json::Value;
 
 /// A number with the unit of a quantity.
 pub(super) fn number(quantity: &Quantity, value: f64) -> String {
@@ -39,6 +40,15 @@ pub(super) fn value(measure: &Measure, value: f64) -> String {
     match measure {
         Measure::Probability(_) => digits(value),
         Measure::Mean(response) => number(&Quantity::of_response(response), value),
+    }
+}
+
+/// A value of a factor: a number with its unit, or a level.
+pub(super) fn level(factor: &Factor, value: &Value) -> String {
+    match value {
+        Value::String(word) => word.replace('_', " "),
+        Value::Number(of) => number(&Quantity::of_field(&factor.name), of.as_f64().unwrap_or_default()),
+        other => other.to_string(),
     }
 }
 

@@ -20,10 +20,16 @@ export function measureLabel(of, outputs) {
 }
 
 /**
- * A point in words: the label and value of each factor, a line each.
- * @param {StudyFactor[]} factors @param {number[]} values
+ * A value of a factor in words: a number, or a level.
+ * @param {StudyValue} value
  */
-export const placeText = (factors, values) => factors.map((factor, i) => `${factor.label} ${number(values[i])}`).join("<br>");
+export const valueText = (value) => (typeof value === "number" ? number(value) : String(value).replaceAll("_", " "));
+
+/**
+ * A point in words: the label and value of each factor, a line each.
+ * @param {StudyFactor[]} factors @param {StudyValue[]} values
+ */
+export const placeText = (factors, values) => factors.map((factor, i) => `${factor.label} ${valueText(values[i])}`).join("<br>");
 
 /**
  * An interval in words.
@@ -46,32 +52,33 @@ export function errorBars(rows, color) {
 export const sizedByRuns = (runs) => ({ size: runs, sizemode: "area", sizeref: (2 * Math.max(1, ...runs)) / MAX_SIZE ** 2, sizemin: MIN_SIZE / 2 });
 
 /**
- * The axis of a factor.
+ * The axis of a factor; with levels a tick for each.
  * @param {StudyFactor} factor
  */
-export const factorAxis = ({ label, is_log }) => ({ title: { text: label }, ...(is_log && { type: "log" }) });
+export const factorAxis = ({ label, is_log, levels }) => ({ title: { text: label }, ...(is_log && { type: "log" }), ...(levels && { type: "category", categoryorder: "array", categoryarray: levels.map(valueText) }) });
 
 /**
  * A column for each factor, in a table of points.
  * @param {StudyFactor[]} factors @returns {Column<any>[]}
  */
-export const factorColumns = (factors) => factors.map((factor, i) => ({ title: factor.label, is_number: true, cell: ({ values }) => number(values[i]) }));
+export const factorColumns = (factors) => factors.map((factor, i) => ({ title: factor.label, is_number: factor.levels === null, cell: ({ values }) => valueText(values[i]) }));
 
 /**
  * Points along the axis of a single factor; with more factors a place for each, named by its values.
- * @param {StudyFactor[]} factors @param {{ values: number[] }[]} points
+ * @param {StudyFactor[]} factors @param {{ values: StudyValue[] }[]} points
  */
 export function alongPoints(factors, points) {
-  if (factors.length === 1) return { x: points.map(({ values }) => values[0]), xaxis: factorAxis(factors[0]) };
+  if (factors.length === 1) return { x: points.map(({ values }) => (factors[0].levels ? valueText(values[0]) : values[0])), xaxis: factorAxis(factors[0]) };
   const title = { text: factors.map(({ label }) => label).join(", ") };
-  return { x: points.map(({ values }) => values.map((value) => number(value)).join(", ")), xaxis: { title, type: "category" } };
+  return { x: points.map(({ values }) => values.map(valueText).join(", ")), xaxis: { title, type: "category" } };
 }
 
 /**
  * The whole range of a factor on its axis, with a margin as a share of it.
  * @param {StudyFactor} factor @param {number} [margin]
  */
-export function wholeRange({ low, high, is_log }, margin = 0) {
+export function wholeRange({ low, high, is_log, levels }, margin = 0) {
+  if (levels) return { range: [-0.5, levels.length - 0.5] };
   const [from, to] = is_log ? [Math.log10(low), Math.log10(high)] : [low, high], beyond = margin * (to - from);
   return { range: [from - beyond, to + beyond] };
 }

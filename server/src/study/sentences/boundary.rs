@@ -1,8 +1,8 @@
 //! Where a measure has a level, in sentences.
 
 use roost_api::quantity::Quantity;
-use roost_design::Goal;
 use roost_design::goals::{BoundaryAnswer, Crossing, Place};
+use roost_design::{Factor, Goal};
 
 use super::capital;
 use crate::study::Study;
@@ -28,7 +28,7 @@ pub(super) fn sentences(study: &Study, finding: &BoundaryAnswer) -> Vec<String> 
         Place::Inside => match study.question.factors.as_slice() {
             [factor] => {
                 let quantity = Quantity::of_field(&factor.name);
-                sentences.extend(finding.crossings.iter().map(|at| crossing(at, &quantity, &what, &level)));
+                sentences.extend(finding.crossings.iter().map(|at| crossing(at, factor, &what, &level)));
                 sentences.extend(safe_side(finding, &quantity, &what, &level));
             }
             factors => {
@@ -54,8 +54,22 @@ pub(super) fn sentences(study: &Study, finding: &BoundaryAnswer) -> Vec<String> 
 }
 
 /// A stretch of a single factor in which the level is, or may be, crossed.
-fn crossing(crossing: &Crossing, quantity: &Quantity, what: &str, level: &str) -> String {
+fn crossing(crossing: &Crossing, factor: &Factor, what: &str, level: &str) -> String {
+    let quantity = &Quantity::of_field(&factor.name);
     let (name, range) = (&quantity.name, range(quantity, crossing.low, crossing.high));
+    if factor.is_whole && crossing.is_certain {
+        let ends = format!("between {} and {}", digits(crossing.low), number(quantity, crossing.high));
+        return match crossing.estimates.as_slice() {
+            [only] if crossing.high - crossing.low > 1.0 => {
+                let nearest = number(quantity, only.round());
+                format!(
+                    "{} crosses {level} at a {name} {ends}, with 95 % confidence, most probably near {nearest}.",
+                    capital(what)
+                )
+            }
+            _ => format!("{} crosses {level} at a {name} {ends}, with 95 % confidence.", capital(what)),
+        };
+    }
     if !crossing.is_certain {
         return format!("{} may be {level} at a {name} of {range} too: more runs would tell.", capital(what));
     }

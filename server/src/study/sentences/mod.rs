@@ -12,10 +12,11 @@ use roost_api::study::{Driver, StudyEnd, StudyState};
 use roost_design::goals::{Constraint, Effects, EstimateAnswer, Objective, SensitivityAnswer, SobolIndices};
 use roost_design::intervals::Estimated;
 use roost_design::{Answer, Finding, Goal, Measure};
+use serde_json::Value;
 
 use super::Study;
 use super::trials::Known;
-use super::words::{digits, list, measure, number, range, value};
+use super::words::{digits, level, list, measure, range, value};
 
 /// Points of an estimate that are stated in words; the table has all of them.
 const MAX_STATED: usize = 12;
@@ -28,6 +29,10 @@ pub(super) fn question(study: &Study) -> String {
         .iter()
         .map(|factor| {
             let quantity = Quantity::of_field(&factor.name);
+            if factor.is_categorical() {
+                let levels: Vec<String> = factor.levels.iter().map(|value| level(factor, value)).collect();
+                return format!("{} of {}", quantity.name, alternatives(&levels));
+            }
             format!("{} from {}", quantity.name, range(&quantity, factor.low, factor.high))
         })
         .collect();
@@ -72,6 +77,14 @@ pub(super) fn question(study: &Study) -> String {
             let measures: Vec<String> = goal.of.iter().map(measure).collect();
             format!("Which factors matter for {}, over {over}?", list(&measures))
         }
+    }
+}
+
+/// Levels in words: `a, b or c`.
+fn alternatives(levels: &[String]) -> String {
+    match levels {
+        [first @ .., last] if !first.is_empty() => format!("{} or {last}", first.join(", ")),
+        _ => levels.concat(),
     }
 }
 
@@ -178,16 +191,13 @@ fn assumptions(study: &Study) -> String {
 }
 
 /// A place in the range: `gate opening 0.05 m and belt speed 0.3 m/s`.
-fn place(study: &Study, values: &[f64]) -> String {
+fn place(study: &Study, values: &[Value]) -> String {
     let parts: Vec<String> = study
         .question
         .factors
         .iter()
         .zip(values)
-        .map(|(factor, value)| {
-            let quantity = Quantity::of_field(&factor.name);
-            format!("{} {}", quantity.name, number(&quantity, *value))
-        })
+        .map(|(factor, value)| format!("{} {}", Quantity::of_field(&factor.name).name, level(factor, value)))
         .collect();
     list(&parts)
 }

@@ -1,4 +1,4 @@
-//! Axes: linear or logarithmic, with the label of their quantity.
+//! Axes: linear, logarithmic, or with a tick for each level, with the label of their quantity.
 
 use std::ops::Range;
 
@@ -7,6 +7,7 @@ use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, Value
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use roost_design::{Factor, Measure, Scale};
+use serde_json::Value;
 
 use super::Area;
 use crate::format::significant;
@@ -20,6 +21,8 @@ pub(super) type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Axi
 pub(super) enum AxisRange {
     Linear(RangedCoordf64),
     Log(Range<f64>),
+    /// Names of levels at 0, 1, …
+    Levels(Vec<String>),
 }
 
 impl Ranged for AxisRange {
@@ -29,6 +32,7 @@ impl Ranged for AxisRange {
     fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
         match self {
             Self::Linear(range) => range.map(value, limit),
+            Self::Levels(_) => RangedCoordf64::from(self.range()).map(value, limit),
             Self::Log(range) => {
                 let share = (value / range.start).ln() / (range.end / range.start).ln();
                 limit.0 + (share * f64::from(limit.1 - limit.0)).round() as i32
@@ -39,6 +43,7 @@ impl Ranged for AxisRange {
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
         let range = match self {
             Self::Linear(range) => return range.key_points(hint),
+            Self::Levels(names) => return (0..names.len()).map(|level| level as f64).collect(),
             Self::Log(range) => range,
         };
         let first = range.start.log10().floor() as i32;
@@ -53,6 +58,7 @@ impl Ranged for AxisRange {
         match self {
             Self::Linear(range) => range.range(),
             Self::Log(range) => range.clone(),
+            Self::Levels(names) => -0.5..names.len() as f64 - 0.5,
         }
     }
 }
@@ -63,7 +69,10 @@ impl ValueFormatter<f64> for AxisRange {
     }
 
     fn format_ext(&self, value: &f64) -> String {
-        significant(*value)
+        match self {
+            Self::Levels(names) => names.get(*value as usize).cloned().unwrap_or_default(),
+            _ => significant(*value),
+        }
     }
 }
 
@@ -76,8 +85,12 @@ pub(super) struct Axis {
 impl Axis {
     /// The range of a factor.
     pub(super) fn of_factor(factor: &Factor) -> Self {
-        let range = factor.low..factor.high;
+        // Whole numbers lie in the middle of their cells.
+        let range = factor.place(0.0)..factor.place(1.0);
         let range = match factor.scale {
+            _ if factor.is_categorical() => {
+                AxisRange::Levels(factor.levels.iter().map(|level| value_words(factor, level)).collect())
+            }
             Scale::Linear => AxisRange::Linear(range.into()),
             Scale::Log => AxisRange::Log(range),
         };
@@ -105,6 +118,18 @@ pub(super) fn spread(values: impl Iterator<Item = f64>) -> Range<f64> {
             value - 0.5 * value.abs().max(1e-9)..value + 0.5 * value.abs().max(1e-9)
         }
         _ => 0.0..1.0,
+    }
+}
+
+/// A value of a factor in words: a number with its unit, or a level.
+pub(super) fn value_words(factor: &Factor, value: &Value) -> String {
+    match value {
+        Value::String(word) => word.replace('_', " "),
+        Value::Number(number) => {
+            let number = number.as_f64().unwrap_or_default();
+            Quantity::of_field(&factor.name).with_unit(&significant(number))
+        }
+        other => other.to_string(),
     }
 }
 

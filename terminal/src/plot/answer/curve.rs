@@ -138,10 +138,10 @@ impl<'a> Curves<'a> {
     pub(super) fn of_estimate(factor: &'a Factor, found: &'a EstimateAnswer) -> Self {
         let measures = found.points.first().map_or(0, |point| point.measures.len());
         let panel = |index: usize| {
-            let points = found
-                .points
-                .iter()
-                .filter_map(|point| Some((*point.values.first()?, point.measures.get(index)?.estimated?)));
+            let points = found.points.iter().filter_map(|point| {
+                let at = factor.number(point.values.first()?)?;
+                Some((at, point.measures.get(index)?.estimated?))
+            });
             Curve {
                 factor,
                 of: &found.points[0].measures[index].of,

@@ -5,12 +5,12 @@ use plotters::prelude::*;
 use roost_design::Factor;
 use roost_design::goals::{Objective, Optimise, OptimiseAnswer, Recommendation};
 
-use super::axis::{Axis, AxisRange, chart, measure_label, spread};
+use super::axis::{Axis, AxisRange, chart, measure_label, spread, value_words};
 use super::legend::{self, Glyph};
 use super::{Area, BLUE, Body, GREEN};
-use crate::format::significant;
 use crate::plot::{FONT, WIDTH};
 use roost_api::quantity::Quantity;
+use serde_json::Value;
 
 const HEIGHT: u32 = 500;
 
@@ -79,9 +79,8 @@ impl Body for Front<'_> {
                 let text = Text::new(number.clone(), (8, -18), (FONT, 14));
                 chart.draw_series([EmptyElement::at((x, y)) + text])?;
             }
-            let value = |(factor, value): (&Factor, &f64)| {
-                let quantity = Quantity::of_field(&factor.name);
-                format!("{} {}", quantity.name, quantity.with_unit(&significant(*value)))
+            let value = |(factor, value): (&Factor, &Value)| {
+                format!("{} {}", Quantity::of_field(&factor.name).name, value_words(factor, value))
             };
             let values: Vec<String> = self.factors.iter().zip(&point.values).map(value).collect();
             rows.push((Glyph::None, format!("{number}: {}", values.join(", "))));

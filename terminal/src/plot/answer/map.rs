@@ -121,7 +121,7 @@ impl Map<'_> {
             let level = self.found.level;
             let line = |of: fn(&MapPoint) -> f64| {
                 let values: Vec<f64> = panel.map.iter().map(|point| of(point) - level).collect();
-                let place = |(x, y): (f64, f64)| (panel.x.value(x), panel.y.value(y));
+                let place = |(x, y): (f64, f64)| (panel.x.place(x), panel.y.place(y));
                 let lines = contour::lines(&values, panel.steps);
                 lines
                     .into_iter()
@@ -215,8 +215,8 @@ impl Panel<'_> {
             let along = |j: usize| estimate(a, j) + u * (estimate(a + 1, j) - estimate(a, j));
             shades.shade(along(b) + v * (along(b + 1) - along(b)))
         };
-        let x = |index: usize| self.x.value(index as f64 / count as f64);
-        let y = |index: usize| self.y.value(index as f64 / count as f64);
+        let x = |index: usize| self.x.place(index as f64 / count as f64);
+        let y = |index: usize| self.y.place(index as f64 / count as f64);
         let mut cells = Vec::new();
         for i in 0..count {
             // Neighbours of one colour are one rectangle.

@@ -24,6 +24,8 @@ use plotters::prelude::*;
 use roost_api::design::{self, Scale as ApiScale};
 use roost_api::study::StudyAnswer;
 use roost_design::{Answer, Factor, Finding, Goal, Scale};
+use roost_solver::scenario::field::FieldKind;
+use roost_solver::scenario::fields;
 
 use super::{FONT, WIDTH};
 
@@ -113,14 +115,19 @@ fn head(answer: &StudyAnswer) -> Vec<String> {
 }
 
 fn factor(factor: &design::Factor) -> Factor {
+    let name = factor.name().to_owned();
+    if let Some(levels) = &factor.levels {
+        return Factor::of_levels(name, levels.clone());
+    }
+    let kind = |pointer: &str| fields::find(pointer).map(|field| field.kind);
+    let is_whole = |kind| matches!(kind, FieldKind::Integer(_) | FieldKind::NullableInteger(_));
     Factor {
-        name: factor.name().to_owned(),
-        low: factor.low.unwrap_or(0.0),
-        high: factor.high.unwrap_or(1.0),
         scale: match factor.scale {
             Some(ApiScale::Log) => Scale::Log,
             _ => Scale::Linear,
         },
+        is_whole: factor.fields().into_iter().filter_map(kind).any(is_whole),
+        ..Factor::range(name, factor.low.unwrap_or(0.0), factor.high.unwrap_or(1.0))
     }
 }
 

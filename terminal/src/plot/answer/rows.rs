@@ -8,11 +8,11 @@ use roost_design::goals::{
 };
 use roost_design::intervals::Estimated;
 use roost_design::{Factor, Measure};
+use serde_json::Value;
 
-use super::axis::{Axis, AxisRange, measure_label, spread};
+use super::axis::{Axis, AxisRange, measure_label, spread, value_words};
 use super::legend::{self, Glyph};
 use super::{Area, BLUE, Body, GREEN, ORANGE};
-use crate::format::significant;
 use crate::plot::{FONT, WIDTH};
 use roost_api::quantity::Quantity;
 
@@ -56,9 +56,12 @@ pub(super) struct Panels {
 }
 
 /// Values of factors as the name of a row.
-fn place(factors: &[Factor], values: &[f64]) -> String {
-    let value =
-        |(factor, value): (&Factor, &f64)| Quantity::of_field(&factor.name).with_unit(&significant(*value));
+fn place(factors: &[Factor], values: &[Value]) -> String {
+    let value = |(factor, value): (&Factor, &Value)| match value {
+        // A truth value says nothing without its name.
+        Value::Bool(_) => format!("{}: {value}", Quantity::of_field(&factor.name).name),
+        _ => value_words(factor, value),
+    };
     factors.iter().zip(values).map(value).collect::<Vec<_>>().join(", ")
 }
 

@@ -43,6 +43,9 @@ fn answer(factors: &Value, goal: Value, max_runs: usize) -> StudyAnswer {
     let mut named = factors.clone();
     for factor in named.as_array_mut().unwrap() {
         let pointer = factor.as_object_mut().unwrap().remove("pointer").unwrap();
+        if pointer == "/product/count" {
+            factor["is_whole"] = json!(true);
+        }
         factor["name"] = pointer;
     }
     let question = json!({"factors": named, "goal": goal, "budget": {"max_runs": max_runs}});
@@ -238,4 +241,29 @@ fn long_texts_are_broken_at_spaces() {
     assert_eq!(wrapped("one two  three", 8), ["one two", "three"]);
     assert_eq!(wrapped("incomprehensible word", 8), ["incomprehensible", "word"]);
     assert!(wrapped("", 8).is_empty());
+}
+
+#[test]
+fn levels_are_ticks_and_names() {
+    let walls = json!([{"pointer": "/equipment/side_walls", "levels": ["frictionless", "steel"]}]);
+    let goal = json!({"estimate": {
+        "points": [["frictionless"], ["steel"]],
+        "intervals": [{"of": {"probability": "jammed"}, "width": 0.3}],
+    }});
+    let drawn = picture("levels", &answer(&walls, goal, 200), &["side walls", "frictionless", "steel"]);
+    let places = circles(&drawn, "0.75");
+    assert!(places.len() >= 2 && places[1].0 - places[0].0 > 100.0, "a place for each level: {places:?}");
+    let mixed = json!([walls[0], {"pointer": "/product/count", "low": 6, "high": 60}]);
+    let goal = json!({"optimise": {"objectives": [{"minimise": {"mean": "mean_rate_kg_s"}}]}});
+    let answer = answer(&mixed, goal, 60);
+    let values = &answer.answer["finding"]["optimise"]["recommended"][0]["values"];
+    let name = format!("{}, {}", values[0].as_str().unwrap(), values[1].as_f64().unwrap());
+    picture("mixed", &answer, &[&name]);
+}
+
+#[test]
+fn whole_numbers_have_places_in_the_middle_of_their_cells() {
+    let factors = json!([{"pointer": "/product/count", "low": 6, "high": 8}, {"pointer": SPEED, "low": 0.1, "high": 1.0}]);
+    let goal = json!({"boundary": {"of": {"probability": "jammed"}, "level": 0.5}});
+    picture("whole", &answer(&factors, goal, 80), &["count", "6", "7", "8"]);
 }
