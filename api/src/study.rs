@@ -65,7 +65,7 @@ pub struct StudySpec {
     /// The scenario that the factors vary. Its seed chooses the seeds of all runs.
     #[schema(value_type = Object)]
     pub base: Value,
-    /// The factors, each with `low` and `high`, and perhaps `scale`.
+    /// The factors, each with `low` and `high`, and perhaps `scale`, or with `levels`.
     pub factors: Vec<Factor>,
     /// The goal: an object with one member `estimate`, `boundary`, `optimise` or `sensitivity`.
     #[schema(value_type = Object)]

@@ -57,6 +57,8 @@ impl Estimated {
                 let count = values.iter().sum::<f64>();
                 Some(confidence_sequence(count, values.len() as f64, CONFIDENCE))
             }
+            // The mean of equal values is rounded: their deviation may seem to be positive.
+            Measure::Mean(_) if are_equal(values) => None,
             Measure::Mean(_) => mean_half_width(&sample).map(|half| (sample.mean - half, sample.mean + half)),
         };
         Some(Self {
@@ -71,6 +73,11 @@ impl Estimated {
     pub fn width(&self) -> Option<f64> {
         Some(self.high? - self.low?)
     }
+}
+
+/// Whether all values are the same.
+pub(crate) fn are_equal(values: &[f64]) -> bool {
+    values.windows(2).all(|pair| pair[0] == pair[1])
 }
 
 /// Half the width of the interval of a mean, as one of a sequence that is looked at after every run. None with fewer than
@@ -115,7 +122,7 @@ fn times_ln(n: f64, p: f64) -> f64 {
 pub fn values_needed(measure: &Measure, values: &[f64], width: f64, most: usize) -> usize {
     let Some(sample) = Sample::of(values) else { return MIN_MEAN_RUNS };
     let is_mean = matches!(measure, Measure::Mean(_));
-    if is_mean && sample.deviation.is_none_or(|deviation| deviation == 0.0) {
+    if is_mean && are_equal(values) {
         // Nothing is known of the spread.
         return (2 * sample.n).max(MIN_MEAN_RUNS).min(most).max(sample.n);
     }

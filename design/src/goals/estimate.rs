@@ -10,7 +10,7 @@ use crate::decision::{Finding, Proposal};
 use crate::evidence::{Point, PointRuns};
 use crate::factor::Factor;
 use crate::fault::{Fault, fault};
-use crate::intervals::{Estimated, MIN_MEAN_RUNS, values_needed};
+use crate::intervals::{Estimated, MIN_MEAN_RUNS, are_equal, values_needed};
 use crate::question::Measure;
 
 /// Number of equal values of a mean after which it counts as constant. A response that differs in 14 % of the runs or more would have
@@ -124,7 +124,7 @@ fn estimates(goal: &Estimate, runs: Option<&PointRuns>) -> Vec<MeasureEstimate> 
 /// Whether enough values of a mean are equal to call it constant.
 fn is_constant(measure: &Measure, values: &[f64]) -> bool {
     let is_mean = matches!(measure, Measure::Mean(_));
-    is_mean && values.len() >= MAX_EQUAL && values.iter().all(|value| *value == values[0])
+    is_mean && values.len() >= MAX_EQUAL && are_equal(values)
 }
 
 /// Number of runs that the point should have next to those it has, by a forecast from its values.
@@ -138,8 +138,7 @@ fn missing(goal: &Estimate, runs: Option<&PointRuns>, most: usize) -> usize {
         }
         // At least one run more: the forecast may have been met without success.
         let needed = values_needed(&interval.of, &values, interval.width, most).max(values.len() + 1);
-        let is_equal =
-            matches!(interval.of, Measure::Mean(_)) && values.iter().all(|value| *value == values[0]);
+        let is_equal = matches!(interval.of, Measure::Mean(_)) && are_equal(&values);
         let needed = if is_equal && !values.is_empty() { needed.min(MAX_EQUAL) } else { needed };
         needed - values.len()
     };

@@ -190,7 +190,7 @@ fn equal_values_of_a_mean_end_after_a_stated_number() {
     let mut random = Random(3);
     // At 2 all values are equal, at 8 they vary.
     let (runs, decision) =
-        play(&question, ("rate", 10, 1), |at| if at[0] < 0.5 { 3.0 } else { 3.0 + random.normal() });
+        play(&question, ("rate", 10, 1), |at| if at[0] < 0.5 { 0.2 } else { 3.0 + random.normal() });
     assert_eq!(decision.finished, Some(Finished::ByRule));
     let found: Vec<_> = points(&decision).iter().map(|point| &point.measures[0]).collect();
     assert_eq!((found[0].is_constant, found[0].is_narrow, found[1].is_constant), (true, false, false));

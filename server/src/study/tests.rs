@@ -427,3 +427,37 @@ fn a_crossing_of_whole_numbers_lies_between_two_of_them() {
     let numbers: Vec<f64> = rest.split([' ', ',']).filter_map(|word| word.parse().ok()).collect();
     assert!(numbers[0] <= 50.0 && numbers[1] >= 51.0 && numbers[1] - numbers[0] < 20.0, "{first}");
 }
+
+#[test]
+fn equal_values_are_named() {
+    for (goal, expected) in [
+        (
+            json!({"estimate": {"points": [[0.05, 0.5]], "intervals": [{"of": {"mean": "mean_rate_kg_s"}, "width": 0.1}]}}),
+            "the mean rate is 0.2 kg/s in all 20 runs, without an interval.",
+        ),
+        (
+            json!({"sensitivity": {"of": [{"mean": "mean_rate_kg_s"}], "width": 0.5}}),
+            "The mean rate does not vary: all runs gave the same value.",
+        ),
+    ] {
+        let mut document = document(goal);
+        document["budget"] = json!({"max_runs": 400});
+        let limits = SweepLimits { max_jobs: 1000, scenario: Limits::NONE };
+        let (study, _) = read(document, &Meshes::default(), limits).unwrap();
+        let mut rows: Vec<TrialRow> = Vec::new();
+        let decided = loop {
+            let decided = study.decide(&rows, 40).unwrap();
+            if decided.finished.is_some() {
+                break decided;
+            }
+            let new = trials(&study, &rows, 40, JobState::Succeeded, &|_| 0);
+            assert!(!new.is_empty(), "the study ends");
+            rows.extend(new.into_iter().map(|row| TrialRow {
+                responses: json!({"mean_rate_kg_s": 0.2}).as_object().unwrap().clone(),
+                ..row
+            }));
+        };
+        assert_eq!(decided.finished, Some(StudyEnd::ByRule));
+        assert!(decided.sentences[0].ends_with(expected), "{:?}", decided.sentences);
+    }
+}

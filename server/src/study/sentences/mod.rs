@@ -223,6 +223,13 @@ fn estimate(study: &Study, finding: &EstimateAnswer) -> Vec<String> {
             .filter_map(|row| {
                 let estimated = row.estimated.as_ref()?;
                 let n = estimated.n;
+                if row.is_constant {
+                    let equal = value(&row.of, estimated.value);
+                    return Some(format!(
+                        "{} is {equal} in all {n} runs, without an interval",
+                        measure(&row.of)
+                    ));
+                }
                 Some(format!(
                     "{} is {}, n = {n}",
                     measure(&row.of),
@@ -245,6 +252,9 @@ fn sensitivity(finding: &SensitivityAnswer) -> Vec<String> {
     for row in &finding.measures {
         let what = measure(&row.of);
         match &row.effects {
+            None if row.is_constant => {
+                sentences.push(format!("{} does not vary: all runs gave the same value.", capital(&what)))
+            }
             None => {
                 sentences.push(format!("{} does not vary by more than its noise so far.", capital(&what)))
             }
