@@ -221,7 +221,7 @@ fn corners(factors: &[Factor]) -> Vec<Vec<Value>> {
     let mut rows = vec![Vec::new()];
     for values in values {
         let longer = |row: &Vec<Value>| -> Vec<Vec<Value>> {
-            values.iter().map(|value| [row.as_slice(), &[value.clone()]].concat()).collect()
+            values.iter().map(|value| [row.as_slice(), std::slice::from_ref(value)].concat()).collect()
         };
         rows = rows.iter().flat_map(longer).collect();
     }
