@@ -195,7 +195,8 @@ fn small_examples() -> Vec<(String, &'static str, Value)> {
         }
         if let Some(constraints) = asked["goal"][goal].get_mut("constraints").and_then(Value::as_array_mut) {
             // A share of at most 30 % needs fewer runs for its confirmation than one of 5 %.
-            let chance = constraints.iter_mut().find(|constraint| constraint["of"].get("probability").is_some());
+            let chance =
+                constraints.iter_mut().find(|constraint| constraint["of"].get("probability").is_some());
             chance.unwrap()["at_most"] = json!(0.3);
         }
         let runs = BTreeMap::from([("boundary", 40), ("optimise", 100), ("sensitivity", 160)]);

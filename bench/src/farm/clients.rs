@@ -154,11 +154,7 @@ impl SimulatedWorker {
     }
 
     /// Delivers a result, given as JSON. Returns whether it was recorded now, or none for a stale attempt.
-    pub(super) async fn deliver_result<S>(
-        &self,
-        attempt: &Attempt<S>,
-        result: &str,
-    ) -> Result<Option<bool>> {
+    pub(super) async fn deliver_result<S>(&self, attempt: &Attempt<S>, result: &str) -> Result<Option<bool>> {
         let path = format!("/v1/jobs/{}/attempts/{}/result", attempt.job_id, attempt.attempt);
         let body = format!(r#"{{"worker_id": "{}", "result": {result}}}"#, self.id);
         let request = self.client.http.post(format!("{}{path}", self.client.url));

@@ -73,7 +73,8 @@ async fn work(client: ApiClient, number: u64, (from, until): (Instant, Instant))
             break;
         }
         sleep_until(end.into()).await;
-        let scenario = scenario::from_value(&attempt.scenario).map_err(|faults| anyhow::anyhow!("{faults:?}"))?;
+        let scenario =
+            scenario::from_value(&attempt.scenario).map_err(|faults| anyhow::anyhow!("{faults:?}"))?;
         let gate_m = attempt.scenario["equipment"]["gate_opening_m"].as_f64().context("no gate")?;
         let jam_probability = 1.0 / (1.0 + ((gate_m - 0.05) / 0.005).exp());
         let responses = json!({"jammed": u8::from(random.f64() < jam_probability)});

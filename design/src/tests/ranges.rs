@@ -22,7 +22,7 @@ fn boundary() -> Value {
 /// The same runs in the unit cube of another question.
 fn moved(runs: &[Run], from: &Question, to: &Question) -> Vec<Run> {
     let moved = runs.iter().map(|run| {
-        let point = Point::of_run(&to.factors, &run.point.values(&from.factors));
+        let point = Point::of_run(&to.factors, &run.point.levels(&from.factors));
         Run { point: point.expect("inside the wider range"), ..run.clone() }
     });
     moved.collect()
@@ -56,9 +56,9 @@ fn a_boundary_outside_the_first_range_is_found_in_a_wider_one() {
                 let is_known = |known: &Run| known.point == next.point && known.replicate == next.replicate;
                 assert!(!runs.iter().any(is_known), "{next:?}");
                 // A run knows the values of its factors alone.
-                let values = next.point.values(&wide.factors);
+                let values = next.point.levels(&wide.factors);
                 assert_eq!(Point::of_run(&wide.factors, &values).as_ref(), Some(&next.point));
-                runs.push(run(next, "y", draw(values[0], &mut random)));
+                runs.push(run(next, "y", draw(values[0].as_f64().unwrap(), &mut random)));
             }
             decision = decide(&wide, &Evidence::new(runs.clone()), 10, 1);
         }

@@ -21,7 +21,9 @@ pub(super) fn ranges(factors: &[Factor]) -> Ranges {
 
 /// A document with other ranges.
 pub(crate) fn with_ranges(mut spec: StudySpec, ranges: &[(f64, f64)]) -> StudySpec {
-    for (factor, (low, high)) in spec.factors.iter_mut().zip(ranges).filter(|(factor, _)| factor.levels.is_none()) {
+    for (factor, (low, high)) in
+        spec.factors.iter_mut().zip(ranges).filter(|(factor, _)| factor.levels.is_none())
+    {
         (factor.low, factor.high) = (Some(*low), Some(*high));
     }
     spec
@@ -58,7 +60,12 @@ pub(crate) fn widen(
         }
         if before.factors[factor].levels.is_some() {
             let detail = "the factor has levels and no range";
-            faults.push(fault(&format!("{at}/pointer"), json!(range.pointer), detail, "a factor with a range"));
+            faults.push(fault(
+                &format!("{at}/pointer"),
+                json!(range.pointer),
+                detail,
+                "a factor with a range",
+            ));
             continue;
         }
         let (low, high) = &mut wider[factor];

@@ -100,7 +100,9 @@ impl Study {
                     return None;
                 };
                 // The same numbers have the same text.
-                let levels = |levels: Vec<Value>| self.factor_names().into_iter().zip(levels).collect::<BTreeMap<_, _>>();
+                let levels = |levels: Vec<Value>| {
+                    self.factor_names().into_iter().zip(levels).collect::<BTreeMap<_, _>>()
+                };
                 checked.map(|checked| ToldRun::Own { levels: json!(levels(checked)).to_string(), seed })
             }
             (run, _) => {
