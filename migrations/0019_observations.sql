@@ -33,3 +33,12 @@ CREATE TABLE observations (
 -- A client tells a run of its own by its point and its seed.
 CREATE UNIQUE INDEX observations_of_clients ON observations (study_id, levels, seed) WHERE source = 'client';
 CREATE INDEX observations_handed_out ON observations (expires_at) WHERE state = 'handed_out';
+
+-- Requests for runs that had an Idempotency-Key, with what they were given: a repeat is given the same.
+CREATE TABLE asks (
+    request_id TEXT NOT NULL PRIMARY KEY,
+    study_id   TEXT NOT NULL REFERENCES studies (sweep_id),
+    numbers    TEXT NOT NULL CHECK (json_valid(numbers)),      -- of runs that were handed out
+    jobs       TEXT NOT NULL CHECK (json_valid(jobs))
+) STRICT;
+CREATE INDEX asks_of_studies ON asks (study_id);

@@ -14,7 +14,7 @@ use roost_api::study::{Driver, StudyState};
 use roost_api::sweep::StateCounts;
 
 use crate::state::App;
-use crate::store::{MAX_PROPOSALS, StoreError};
+use crate::store::{AskedRuns, MAX_PROPOSALS, StoreError};
 use crate::study::Study;
 
 /// Interval between looks at the trials of running studies.
@@ -132,7 +132,8 @@ async fn decide(app: &App, id: SweepId, before: Option<Tally>) -> Result<Option<
     };
     let (count, finished) = (decided.trials.len(), decided.finished);
     let now = app.clock.now();
-    let made = app.store.store_decision(&stored, &sweep, decided, (Vec::new(), now), now).await?;
+    let none = AskedRuns { request: None, runs: Vec::new(), expires_at: now };
+    let made = app.store.store_decision(&stored, &sweep, decided, none, now).await?;
     let is_stored = made.is_some();
     if is_stored && count > 0 {
         app.work.notify_waiters();
@@ -152,7 +153,7 @@ async fn pause(app: &App, id: SweepId, reason: &str) -> Result<Option<Tally>, St
 }
 
 /// Cancels the jobs of a finished study that nobody needs any more.
-async fn cancel_rest(app: &App, id: SweepId) -> Result<(), StoreError> {
+pub(crate) async fn cancel_rest(app: &App, id: SweepId) -> Result<(), StoreError> {
     if let Err(refusal) = app.store.cancel_jobs(id, app.clock.now()).await? {
         tracing::warn!(study = %id, %refusal, "the last runs of a study were not cancelled");
     }

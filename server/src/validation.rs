@@ -29,11 +29,15 @@ pub fn validate(
     if is_study(&document) {
         let (study, expansion) = study::read(document, meshes, SweepLimits { max_jobs, scenario: *limits })?;
         let max_runs = u64::from(study.spec.budget.max_runs);
+        // Runs of earlier sweeps may be all that the answer needs.
+        let needs_own_runs = study.spec.seeded_by.is_empty();
+        let least =
+            if needs_own_runs { roost_design::forecast::least_runs(&study.question) as u64 } else { 0 };
         return Ok(ValidationReport {
             document: "study".to_owned(),
             jobs: max_runs,
-            min_jobs: (roost_design::forecast::least_runs(&study.question) as u64).min(max_runs),
-            shortage: roost_design::forecast::shortage(&study.question),
+            min_jobs: least.min(max_runs),
+            shortage: roost_design::forecast::shortage(&study.question).filter(|_| needs_own_runs),
             forecast: None,
             meshes: mesh::reports(iter::once(expansion.base.clone()), meshes),
             // The mean of the corners of the range.

@@ -8,14 +8,17 @@ use roost_api::ids::SweepId;
 use roost_api::problem::Problem;
 use roost_api::study::StudyState;
 use serde_json::json;
+use uuid::Uuid;
 
 use super::blocking::{run_blocking, run_detached};
 use super::extract::{Document, Segments};
 use super::problem::{ApiError, ProblemKind};
 use super::studies::{stored, view_of};
+use super::submissions::Reserved;
+use crate::decider::cancel_rest;
 use crate::document::{fault, prefixed, read_leniently, with_content_faults};
 use crate::state::App;
-use crate::store::{Conflict, HandedOutRun, MAX_PROPOSALS, StoredStudy};
+use crate::store::{AskedRuns, Conflict, HandedOutRun, MAX_PROPOSALS, StoredStudy};
 use crate::study::Study;
 
 /// Seconds after which a run without an outcome may be handed out again, unless the client names others.
@@ -39,6 +42,7 @@ const TRIES: usize = 20;
 pub(crate) async fn ask(
     State(app): State<App>,
     Segments(id): Segments<SweepId>,
+    reserved: Reserved,
     Document(document): Document,
 ) -> Result<Json<Asked>, ApiError> {
     let (ask, listed) = read_leniently::<Ask>(document);
@@ -47,7 +51,7 @@ pub(crate) async fn ask(
     if !faults.is_empty() && ask.points.is_none() {
         return Err(ApiError::faults(faults));
     }
-    run_detached(async move { asked(&app, id, ask, faults).await }).await?.map(Json)
+    run_detached(async move { asked(&app, id, (ask, reserved.known()), faults).await }).await?.map(Json)
 }
 
 /// Faults of a request for runs.
@@ -65,8 +69,21 @@ fn faults(ask: &Ask) -> Vec<Fault> {
 }
 
 /// Makes the runs of a request. With faults, those of its points are added, and no run is made.
-async fn asked(app: &App, id: SweepId, ask: Ask, faults: Vec<Fault>) -> Result<Asked, ApiError> {
+async fn asked(
+    app: &App,
+    id: SweepId,
+    (ask, request): (Ask, Option<Uuid>),
+    faults: Vec<Fault>,
+) -> Result<Asked, ApiError> {
     let _turn = app.submission_turns.wait(id).await;
+    // The first request with this key has ended without its answer.
+    if let Some(request) = request
+        && let Some(made) = app.store.answered_ask(id, request).await?
+    {
+        let study = Study::stored(stored(app, id).await?.present()?).map_err(ApiError::faults)?;
+        let runs = handed_out(&study, made.runs)?;
+        return Ok(Asked { runs, jobs: made.jobs, study: view_of(app, id).await? });
+    }
     for _ in 0..TRIES {
         let stored = stored(app, id).await?;
         if stored.state == StudyState::Finished && ask.points.is_none() {
@@ -76,7 +93,7 @@ async fn asked(app: &App, id: SweepId, ask: Ask, faults: Vec<Fault>) -> Result<A
             let detail = format!("the study is {}: a running one has runs to do", stored.state);
             return Err(ApiError::new(ProblemKind::WrongState, detail));
         }
-        if let Some(asked) = ask_once(app, &stored, &ask, &faults).await? {
+        if let Some(asked) = ask_once(app, &stored, (&ask, request), &faults).await? {
             return Ok(asked);
         }
     }
@@ -88,7 +105,7 @@ async fn asked(app: &App, id: SweepId, ask: Ask, faults: Vec<Fault>) -> Result<A
 async fn ask_once(
     app: &App,
     stored: &StoredStudy,
-    ask: &Ask,
+    (ask, request): (&Ask, Option<Uuid>),
     faults: &[Fault],
 ) -> Result<Option<Asked>, ApiError> {
     let id = stored.id;
@@ -118,10 +135,13 @@ async fn ask_once(
         let detail = "the study has its answer: wider ranges or a larger budget continue it";
         return Err(ApiError::new(ProblemKind::WrongState, detail));
     }
-    let now = app.clock.now();
-    let expiring = (runs, now.plus_ms(expires_ms));
-    let made = app.store.store_decision(stored, &study.sweep_spec(), decided, expiring, now).await?;
+    let (now, is_finished) = (app.clock.now(), decided.finished.is_some());
+    let asked = AskedRuns { request, runs, expires_at: now.plus_ms(expires_ms) };
+    let made = app.store.store_decision(stored, &study.sweep_spec(), decided, asked, now).await?;
     let Some(made) = made else { return Ok(None) };
+    if is_finished {
+        cancel_rest(app, id).await?;
+    }
     if !made.jobs.is_empty() {
         app.work.notify_waiters();
     }

@@ -8,7 +8,7 @@ use roost_api::forecast::{Forecast, RunRange};
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::Needs;
 use roost_api::problem::Problem;
-use roost_api::study::{StudySpec, StudyState};
+use roost_api::study::{Driver, StudySpec, StudyState};
 use roost_api::validate::ValidationReport;
 use serde_json::{Value, json};
 
@@ -81,12 +81,14 @@ pub(crate) async fn of_study(
 
 async fn study_forecast(app: &App, stored: &StoredStudy) -> Result<Forecast, ApiError> {
     let (sweep, _) = sweeps::recent_view(app, stored.id, AGE).await?;
-    let ended = sweep.counts.succeeded + sweep.counts.failed;
-    let left = |runs: u64| runs.saturating_sub(ended);
-    // Copied runs may be all that the answer needs.
-    let fewest = match stored.seeding.is_empty() {
-        true => Study::stored(stored.present()?).map_or(0, |study| study.least_runs()),
-        false => 0,
+    let observed = app.store.observed(stored.id).await?;
+    let of_clients = observed.done + observed.failed + observed.handed_out;
+    let spent = sweep.counts.succeeded + sweep.counts.failed + of_clients;
+    let left = |runs: u64| runs.saturating_sub(spent);
+    // Runs that are not its own may be all that the answer needs.
+    let fewest = match observed.outside_budget {
+        0 => Study::stored(stored.present()?).map_or(0, |study| study.least_runs()),
+        _ => 0,
     };
     let runs_left = match stored.state {
         StudyState::Finished | StudyState::Cancelled => RunRange { least: 0, most: 0 },
@@ -95,8 +97,13 @@ async fn study_forecast(app: &App, stored: &StoredStudy) -> Result<Forecast, Api
             most: left(stored.max_runs.into()),
         },
     };
-    if stored.state == StudyState::Paused {
-        let made = no_forecast("the study is paused", runs_left, app.clock.now());
+    let obstacle = match (stored.state, stored.driver) {
+        (StudyState::Paused, _) => Some("the study is paused"),
+        (StudyState::Running, Driver::Client) => Some("clients choose when its runs are made"),
+        _ => None,
+    };
+    if let Some(obstacle) = obstacle {
+        let made = no_forecast(obstacle, runs_left, app.clock.now());
         return Ok(Forecast { waiting: app.sweep_forecast(&sweep).await?.waiting, ..made });
     }
     Ok(app.forecast_of(&sweep, runs_left).await?)

@@ -32,6 +32,11 @@ impl Reserved {
     pub(crate) fn id(self) -> Uuid {
         self.0.unwrap_or_else(Uuid::now_v7)
     }
+
+    /// The reserved identifier; none for a request without a key.
+    pub(crate) fn known(self) -> Option<Uuid> {
+        self.0
+    }
 }
 
 impl<S: Send + Sync> FromRequestParts<S> for Reserved {

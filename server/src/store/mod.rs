@@ -3,6 +3,7 @@
 //! A method is one query or one transaction, except for large sweeps, which change in slices. Transactions read snapshots, call a decision of `queue`, and apply it. They take `now`
 //! as an argument. No other module uses sqlx.
 
+mod asks;
 mod backup;
 mod batcher;
 mod bucket;
@@ -60,6 +61,7 @@ use sqlx::{ConnectOptions, Connection, SqliteConnection};
 use tokio::sync::Mutex;
 use tokio::task::JoinHandle;
 
+pub(crate) use asks::AskedRuns;
 pub use backup::BackupReport;
 pub(crate) use backup::copy;
 pub use bucket::{Bucket, BucketError};

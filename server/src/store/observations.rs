@@ -78,13 +78,7 @@ impl Store {
         let sql = "SELECT number, levels, replicate, seed, expires_at FROM observations
                    WHERE study_id = ? AND state = 'handed_out' ORDER BY number LIMIT ?";
         let rows = sqlx::query(sql).bind(id.to_string()).bind(MAX_LISTED).fetch_all(&self.readers).await?;
-        let run = |row: &SqliteRow| {
-            let (levels, replicate, seed) =
-                (row.json("levels")?, row.number("replicate")?, row.number("seed")?);
-            let run = HandOut { levels, replicate, seed };
-            Ok(HandedOutRun { number: row.number("number")?, run, expires_at: row.moment("expires_at")? })
-        };
-        rows.iter().map(run).collect()
+        rows.iter().map(handed_out_run).collect()
     }
 
     /// The numbers of all runs of a study that were ever handed out.
@@ -279,6 +273,12 @@ async fn record(
         .execute(&mut *tx)
         .await?;
     Ok(())
+}
+
+pub(super) fn handed_out_run(row: &SqliteRow) -> Result<HandedOutRun, StoreError> {
+    let (levels, replicate, seed) = (row.json("levels")?, row.number("replicate")?, row.number("seed")?);
+    let run = HandOut { levels, replicate, seed };
+    Ok(HandedOutRun { number: row.number("number")?, run, expires_at: row.moment("expires_at")? })
 }
 
 /// The first free number of a study.

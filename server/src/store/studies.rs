@@ -1,6 +1,6 @@
 //! Studies: the question and newest answer beside the sweep that they grow.
 
-use roost_api::ids::{JobId, SweepId};
+use roost_api::ids::SweepId;
 use roost_api::job::JobState;
 use roost_api::study::{Driver, SeedingSweep, StudyEnd, StudySpec, StudyState};
 use roost_api::sweep::{StateCounts, SweepSpec};
@@ -10,13 +10,14 @@ use serde_json::Value;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, SqliteConnection};
 
+use super::asks::{AskedRuns, MadeRuns, answer_ask};
 use super::columns::{Columns, from_json, to_json};
 use super::job_rows::{JobOptions, JobRow, queue_start};
-use super::observations::{HandedOutRun, hand_out, insert_copies};
+use super::observations::{hand_out, insert_copies};
 use super::submit::{insert_study_sweep, queue_jobs};
 use super::writer::SLICE;
 use super::{Store, StoreError};
-use crate::study::{Decided, HandOut, Observation, Present, Ranges};
+use crate::study::{Decided, Observation, Present, Ranges};
 
 /// Maximum number of runs that one decision proposes: they are one transaction.
 pub(crate) const MAX_PROPOSALS: usize = SLICE;
@@ -80,14 +81,6 @@ pub(crate) struct NewStudy {
     pub(crate) seeding: (Vec<SeedingSweep>, Vec<Observation>),
     /// The token that submitted it; empty without one.
     pub(crate) token: String,
-}
-
-/// The runs of a decision.
-pub(crate) struct MadeRuns {
-    /// Its jobs.
-    pub(crate) jobs: Vec<JobId>,
-    /// Its runs for a client.
-    pub(crate) runs: Vec<HandedOutRun>,
 }
 
 /// The jobs of a decision about a study.
@@ -214,10 +207,10 @@ impl Store {
         study: &StoredStudy,
         sweep: &SweepSpec,
         decision: Decided,
-        (runs, expires_at): (Vec<HandOut>, Timestamp),
+        asked: AskedRuns,
         now: Timestamp,
     ) -> Result<Option<MadeRuns>, StoreError> {
-        let (id, decisions, max_runs) = (study.id, study.decisions, study.max_runs);
+        let (id, decisions, max_runs, news) = (study.id, study.decisions, study.max_runs, study.news);
         let options = JobOptions::of(sweep, study.token.clone())?;
         let rows =
             decision.trials.iter().map(|trial| JobRow::of(trial, id)).collect::<Result<Vec<_>, _>>()?;
@@ -228,7 +221,7 @@ impl Store {
                 Box::pin(async move {
                     let sql = "UPDATE studies SET decisions = decisions + 1, changes = changes + 1, answer = ?, sentences = ?, answered_at = ?, finished = ?,
                                    state = CASE WHEN ? IS NULL THEN state ELSE 'finished' END
-                               WHERE sweep_id = ? AND decisions = ? AND max_runs = ? AND state = 'running'
+                               WHERE sweep_id = ? AND decisions = ? AND max_runs = ? AND news = ? AND state = 'running'
                                    AND EXISTS (SELECT 1 FROM sweeps WHERE id = sweep_id AND state = 'ready')";
                     let end = decision.finished.map(StudyEnd::as_str);
                     let stored = sqlx::query(sql)
@@ -240,6 +233,7 @@ impl Store {
                         .bind(id.to_string())
                         .bind(decisions)
                         .bind(max_runs)
+                        .bind(news)
                         .execute(&mut *tx)
                         .await?
                         .rows_affected();
@@ -247,8 +241,12 @@ impl Store {
                         return Ok(None);
                     }
                     add_runs(tx, id, (&rows, decision.points, decision.replicates), &options, now).await?;
-                    let runs = hand_out(tx, id, runs, (now, expires_at)).await?;
-                    Ok(Some(MadeRuns { jobs: rows.iter().map(|row| row.id).collect(), runs }))
+                    let runs = hand_out(tx, id, asked.runs, (now, asked.expires_at)).await?;
+                    let made = MadeRuns { jobs: rows.iter().map(|row| row.id).collect(), runs };
+                    if let Some(request) = asked.request {
+                        answer_ask(tx, id, request, &made).await?;
+                    }
+                    Ok(Some(made))
                 })
             })
             .await

@@ -298,5 +298,14 @@ async fn a_repeated_request_hands_out_nothing_new() {
     }
     assert_eq!(answers[0], answers[1]);
     assert_eq!(show(&server, &id).await["runs"]["pending"], 3);
+    // Two at the same time: the second one began before the first had an answer.
+    let ask = || async {
+        let request = server.http.post(&url).header("idempotency-key", "both").json(&json!({"count": 2}));
+        let asked: Value = request.send().await.unwrap().json().await.unwrap();
+        asked["runs"].clone()
+    };
+    let (one, other) = tokio::join!(ask(), ask());
+    assert_eq!((one.as_array().unwrap().len(), &one), (2, &other));
+    assert_eq!(show(&server, &id).await["runs"]["pending"], 5);
     server.stop().await;
 }

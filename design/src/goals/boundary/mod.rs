@@ -83,6 +83,12 @@ const INDICES_PER_POINT: usize = 64;
 /// Number of points of the first design.
 pub(crate) fn first_points(question: &Question) -> usize {
     let points = 4 << question.factors.len();
+    // The product of the factors' numbers of values; none for a range of numbers that are not whole.
+    let values = question
+        .factors
+        .iter()
+        .try_fold(1_usize, |values, factor| Some(values.saturating_mul(factor.count()?)));
+    let points = points.min(values.unwrap_or(usize::MAX));
     points.min(question.budget.max_runs / (2 * FIRST_REPLICATES)).max(1)
 }
 
@@ -98,12 +104,15 @@ pub(super) fn decide(goal: &Boundary, study: &Study<'_>) -> Course {
     let first = first_proposals(study, &design);
     let model = Model::fit_near(&study.question.factors, &goal.of, study.usable_points(), goal.level);
     let answer = BoundaryAnswer::of(goal, study, model.as_ref());
-    // Points of earlier sweeps serve as well as the first design.
-    let is_begun = with_values >= design.len();
+    // Points of earlier sweeps serve as well as the first design, and nothing waits for excluded points.
+    let is_excluded =
+        |point: &Point| study.evidence.at(point).is_some_and(|known| study.question.excludes(known));
+    let needed = design.iter().filter(|point| !is_excluded(point)).count().max(1);
+    let is_begun = with_values >= needed;
     let is_met = is_begun && answer.misclassified.is_some_and(|share| share <= goal.misclassified);
     let proposals = match &model {
         _ if study.room == 0 || is_met => Vec::new(),
-        Some(model) if is_begun || (first.is_empty() && 2 * with_values >= design.len()) => {
+        Some(model) if is_begun || (first.is_empty() && 2 * with_values >= needed) => {
             acquisition::proposals(goal, study, model)
         }
         _ if !first.is_empty() => first,
