@@ -25,7 +25,7 @@ const BY_GOAL = { estimate: estimatePictures, boundary: boundaryPictures, optimi
  */
 export function pictures({ factors, goal }, outputs) {
   const pointers = factors.map((factor) => pointersOf(factor)[0]);
-  const described = factors.map((factor, i) => ({ pointer: pointers[i], label: factorLabel(pointers[i], pointers), low: factor.low ?? 0, high: factor.high ?? 1, is_log: factor.scale === "log", levels: factor.levels ?? null }));
+  const described = factors.map((factor, i) => ({ pointer: pointers[i], label: factorLabel(pointers[i], pointers), low: factor.low ?? 0, high: factor.high ?? 1, is_log: factor.scale === "log", levels: /** @type {StudyValue[] | null} */ (factor.levels ?? null) }));
   const [[name, fields]] = Object.entries(goal);
   const all = BY_GOAL[name]?.({ goal: fields, factors: described, label: (of) => measureLabel(of, outputs) }) ?? [];
   return {
