@@ -59,7 +59,7 @@ impl RunCounts {
     }
 }
 
-/// A point that is left out because its runs fail, or have no response that a measure can use.
+/// A point that is left out because its runs fail, cannot be made, or have no response that a measure can use.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ExcludedPoint {
     /// Values of the factors: numbers in their units, or levels.
@@ -68,6 +68,9 @@ pub struct ExcludedPoint {
     pub failed: usize,
     /// Number of runs with a result.
     pub done: usize,
+    /// Why no run can be made here, if so: the values of the factors do not go together.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub impossible: Option<String>,
 }
 
 /// The answer of a study so far.
@@ -75,7 +78,7 @@ pub struct ExcludedPoint {
 pub struct Answer {
     /// Runs it rests on.
     pub runs: RunCounts,
-    /// Points that were left out because their runs fail, or have no response that a measure can use.
+    /// Points that were left out because their runs fail, cannot be made, or have no response that a measure can use.
     pub excluded: Vec<ExcludedPoint>,
     /// Responses of finished runs that were of no use, for each measure with such responses.
     pub unusable: Vec<UnusableResponses>,

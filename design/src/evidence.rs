@@ -112,6 +112,8 @@ pub struct PointRuns {
     pub point: Point,
     /// Its runs by replicate.
     pub runs: BTreeMap<u32, Outcome>,
+    /// Why nothing can be run here, if so: the values of the factors do not go together.
+    pub impossible: Option<String>,
 }
 
 impl PointRuns {
@@ -171,13 +173,27 @@ impl Evidence {
                 *known = outcome;
             }
         }
-        let points = by_point.into_iter().map(|(point, runs)| PointRuns { point, runs });
+        let points = by_point.into_iter().map(|(point, runs)| PointRuns { point, runs, impossible: None });
         Self { points: points.collect(), free: 0 }
     }
 
     /// The same evidence, of which the budget does not count some ended runs: they were made for another purpose.
     pub fn with_free(self, runs: usize) -> Self {
         Self { free: runs, ..self }
+    }
+
+    /// The same evidence, in which nothing can be run at some points, each with the reason.
+    pub fn with_impossible(mut self, points: BTreeMap<Point, String>) -> Self {
+        for (point, reason) in points {
+            match self.points.binary_search_by(|runs| runs.point.cmp(&point)) {
+                Ok(index) => self.points[index].impossible = Some(reason),
+                Err(index) => {
+                    let runs = PointRuns { point, runs: BTreeMap::new(), impossible: Some(reason) };
+                    self.points.insert(index, runs);
+                }
+            }
+        }
+        self
     }
 
     /// Number of runs that the budget does not count.

@@ -109,16 +109,17 @@ fn default_failures() -> usize {
 }
 
 impl Budget {
-    /// Whether a point is excluded because its runs fail.
+    /// Whether a point is excluded because its runs fail, or cannot be made.
     pub fn excludes(&self, point: &PointRuns) -> bool {
         let failed = point.failed();
-        failed >= self.max_failures && 2 * failed >= point.count() - point.pending()
+        let fails = failed >= self.max_failures && 2 * failed >= point.count() - point.pending();
+        fails || point.impossible.is_some()
     }
 }
 
 impl Question {
-    /// Whether a point is excluded: its runs fail, or ten of them have a result and none a response that
-    /// a measure of the goal accepts.
+    /// Whether a point is excluded: its runs fail or cannot be made, or ten of them have a result and none a response that a
+    /// measure of the goal accepts.
     pub fn excludes(&self, point: &PointRuns) -> bool {
         let results = point.count() - point.failed() - point.pending();
         let lacks = |measure: &&Measure| point.values(measure).is_empty();

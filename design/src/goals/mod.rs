@@ -78,6 +78,7 @@ pub(crate) fn decide(question: &Question, evidence: &Evidence, wanted: usize, se
         values: point.point.levels(&question.factors),
         failed: point.failed(),
         done: point.count() - point.failed() - point.pending(),
+        impossible: point.impossible.clone(),
     });
     let measures = question.goal.measures().into_iter();
     let unusable = measures.filter_map(|measure| UnusableResponses::of(measure, evidence.points()));

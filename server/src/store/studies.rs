@@ -11,13 +11,13 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, SqliteConnection};
 
 use super::asks::{AskedRuns, MadeRuns, answer_ask};
-use super::columns::{Columns, from_json, to_json};
+use super::columns::{Columns, corrupt, from_json, to_json};
 use super::job_rows::{JobOptions, JobRow, queue_start};
 use super::observations::{hand_out, insert_copies};
 use super::submit::{insert_study_sweep, queue_jobs};
 use super::writer::SLICE;
 use super::{Store, StoreError};
-use crate::study::{Decided, Observation, Present, Ranges};
+use crate::study::{Decided, Observation, Present, Ranges, impossible_points};
 
 /// Maximum number of runs that one decision proposes: they are one transaction.
 pub(crate) const MAX_PROPOSALS: usize = SLICE;
@@ -101,6 +101,7 @@ impl StoredStudy {
             ranges: self.ranges.clone(),
             past_attempts: self.past_attempts,
             seeding: self.seeding.clone(),
+            impossible: impossible_points(self.answer.as_ref()).map_err(|error| corrupt("answer", error))?,
         })
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! - `read` checks a submitted study and lists every fault; `measures` checks the responses that its goal names.
 //! - `asks` hands runs out to clients, and adds runs at points of theirs; `tells` checks the outcomes that they tell.
+//! - `impossible` are points of the ranges whose scenarios have faults.
 //! - `observations` are runs that are no jobs of the study; `seeding` copies them from earlier sweeps.
 //! - `ranges` checks wider ranges.
 //! - `trials` turns trials of the sweep and observations into evidence, and proposals into trials.
@@ -10,6 +11,7 @@
 //! The decision itself is [`roost_design::decide`].
 
 mod asks;
+mod impossible;
 mod measures;
 mod observations;
 mod ranges;
@@ -30,6 +32,8 @@ use roost_design::{Answer, Finished, Proposal, Question, decide};
 
 use crate::sweep::{Points, Trial};
 pub(crate) use asks::HandOut;
+use impossible::ImpossiblePoint;
+pub(crate) use impossible::impossible_points;
 pub(crate) use observations::{Observation, Source};
 pub(crate) use ranges::{Ranges, widen, with_ranges};
 pub(crate) use read::read;
@@ -37,6 +41,9 @@ pub(crate) use roost_api::study::SCHEMA;
 pub(crate) use seeding::{Copied, MAX_SEEDING_RUNS, SweepRun};
 pub(crate) use tells::{ToldOutcome, ToldRun};
 use trials::{Known, MAX_SEED};
+
+/// Number of decisions in a row that may propose points whose scenarios have faults.
+const MAX_ROUNDS: usize = 20;
 
 /// A study that can be decided about.
 #[derive(Clone, Debug)]
@@ -55,6 +62,8 @@ pub(crate) struct Study {
     first_ranges: Ranges,
     /// Number of attempts at a confirmation before the ranges grew. Their runs belong to the search now.
     past_attempts: u32,
+    /// Points at which nothing can be run, as earlier decisions found.
+    impossible: Vec<ImpossiblePoint>,
 }
 
 /// A stored study as it is now.
@@ -70,6 +79,8 @@ pub(crate) struct Present {
     pub(crate) past_attempts: u32,
     /// The sweeps that it began with.
     pub(crate) seeding: Vec<SeedingSweep>,
+    /// Points at which nothing can be run, as earlier decisions found.
+    pub(crate) impossible: Vec<ImpossiblePoint>,
 }
 
 impl Present {
@@ -97,15 +108,36 @@ pub(crate) struct Decided {
 }
 
 impl Study {
-    /// Decides about up to `wanted` further runs after some trials and observations. A scenario that is proposed may have faults.
+    /// Decides about up to `wanted` further runs after some trials and observations.
+    ///
+    /// The corners of the ranges were checked when the study was submitted, but a scenario inside them may have faults. Its point is then left
+    /// out, and the decision made again.
+    ///
+    /// # Errors
+    ///
+    /// The faults of the last decision, when [`MAX_ROUNDS`] decisions have proposed points with faults.
     pub(crate) fn decide(
         &self,
         trials: &[TrialRow],
         observations: &[Observation],
         wanted: usize,
     ) -> Result<Decided, Vec<Fault>> {
-        let known = self.known(trials, observations);
-        let decision = decide(&self.question, &known.evidence, wanted, self.seed);
+        let mut known = self.known(trials, observations);
+        let mut rounds = 1;
+        let decision = loop {
+            let decision = decide(&self.question, &known.evidence, wanted, self.seed);
+            let refused = self.refused(&decision.proposals);
+            if refused.is_empty() {
+                break decision;
+            }
+            if rounds == MAX_ROUNDS {
+                return Err(refused.into_values().next().unwrap_or_default());
+            }
+            rounds += 1;
+            let reason = |faults: Vec<Fault>| faults.first().map(ToString::to_string).unwrap_or_default();
+            let impossible = refused.into_iter().map(|(point, faults)| (point, reason(faults)));
+            known.evidence = known.evidence.with_impossible(impossible.collect());
+        };
         let sentences = sentences::answer(self, &decision.answer, &known);
         let finished = decision.finished.map(|finished| match finished {
             Finished::ByRule => StudyEnd::ByRule,

@@ -66,7 +66,9 @@ pub(crate) fn read(
             let seed = expansion.base.seed;
             let first_ranges = ranges::ranges(&spec.factors);
             let (seeding, past_attempts) = (Vec::new(), 0);
-            let study = Study { spec, question, points, seed, seeding, first_ranges, past_attempts };
+            let impossible = Vec::new();
+            let study =
+                Study { spec, question, points, seed, seeding, first_ranges, past_attempts, impossible };
             Ok((study, expansion))
         }
         _ => Err(faults),
@@ -88,6 +90,7 @@ impl Study {
             seeding: present.seeding,
             first_ranges: ranges::ranges(&present.submitted.factors),
             past_attempts: present.past_attempts,
+            impossible: present.impossible,
         })
     }
 }

@@ -102,7 +102,7 @@ impl Study {
             let replicate = known.replicates.take(&point, self.replicate(observation.replicate));
             runs.push(Run { point, replicate, outcome: observation.outcome.clone() });
         }
-        known.evidence = Evidence::new(runs).with_free(free);
+        known.evidence = Evidence::new(runs).with_free(free).with_impossible(self.impossible());
         known
     }
 

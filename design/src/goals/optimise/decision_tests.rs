@@ -102,22 +102,31 @@ fn a_study_without_any_response_names_the_obstacle() {
 
 #[test]
 fn an_infeasible_study_recommends_nothing() {
-    let goal = |confirmation_runs| {
+    let goal = |confirmation_runs: Option<usize>| {
         json!({
             "objectives": [{"minimise": {"mean": "y"}}],
             "constraints": [{"of": {"probability": "jammed"}, "at_most": 0.2}],
             "confirmation_runs": confirmation_runs,
         })
     };
-    let simulate = |x: f64, replicate: u32| {
-        responses(&[("y", x), ("jammed", f64::from(u8::from(replicate.is_multiple_of(3))))])
+    // A share of the runs jams, as if by chance.
+    let jams = |share: f64| {
+        move |x: f64, replicate: u32| {
+            let number = (977.0 * x + 0.618_033_988_7 * f64::from(replicate)).fract();
+            responses(&[("y", x), ("jammed", f64::from(u8::from(number < share)))])
+        }
     };
-    let (_, decision) = play(&question(1, &goal(None), &json!({"max_runs": 200})), simulate);
-    assert_eq!(decision.finished, Some(Finished::ByBudget));
+    let (runs, decision) = play(&question(1, &goal(None), &json!({"max_runs": 400})), jams(0.5));
+    assert_eq!(decision.finished, Some(Finished::NothingLeft));
     let found = finding(&decision);
-    assert!(found.recommended.is_empty() && !found.rejected.is_empty(), "{:?}", states(&decision));
-    assert_eq!(found.attempts as usize, found.rejected.len());
-    let (_, decision) = play(&question(1, &goal(Some(23)), &json!({"max_runs": 300})), simulate);
+    println!("{} runs, {} attempts, {:?}", runs.len(), found.attempts, found.nearest);
+    assert!(found.recommended.is_empty(), "{:?}", states(&decision));
+    assert_eq!(found.obstacle, Some(Obstacle::Nowhere));
+    let nearest = found.nearest.as_ref().expect("a point that is nearest to hold");
+    assert!(nearest.assurance < 0.05 && nearest.constraints[0].low > 0.2, "{nearest:?}");
+    assert!(runs.len() < 200, "half of the budget and more is left: {}", runs.len());
+    // A little below the limit a confirmation is worth its runs.
+    let (_, decision) = play(&question(1, &goal(Some(23)), &json!({"max_runs": 300})), jams(0.15));
     assert_eq!(decision.finished, Some(Finished::NothingLeft));
     let found = finding(&decision);
     assert_eq!((found.attempts, found.obstacle), (3, Some(Obstacle::ConfirmationRuns)));

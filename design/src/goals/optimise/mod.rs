@@ -115,6 +115,9 @@ pub struct OptimiseAnswer {
     pub recommended: Vec<Recommendation>,
     /// Points whose confirmation failed.
     pub rejected: Vec<Recommendation>,
+    /// The point without a confirmation that would most probably pass one, when none is worth it.
+    #[serde(default)]
+    pub nearest: Option<Recommendation>,
     /// Number of attempts at a confirmation. All of them together are wrong about a recommended point with at most 5 %.
     pub attempts: u32,
     /// Expected improvement of the best next run, in the unit of the tolerance; none outside the search.
@@ -131,6 +134,9 @@ pub enum Obstacle {
     MissingResponses,
     /// Every point that could be confirmed has failed, or lies beside one that has.
     NoCandidate,
+    /// No point is worth a confirmation: by the models each would pass with less than 5 %. Either some constraint is broken at every
+    /// point with 95 % confidence, or the search has no more runs.
+    Nowhere,
     /// The question's `confirmation_runs` are too few for a further attempt.
     ConfirmationRuns,
 }
@@ -241,14 +247,19 @@ pub(super) fn decide(goal: &Optimise, study: &Study<'_>) -> Course {
         let run = |replicate| Proposal { point: (*point).clone(), replicate };
         course.proposals.extend(runs.next().map(run));
     }
-    let is_searching = further.is_some() && search_room(goal, &plan, study) > 0 && open + confirmed == 0;
+    // Without a point that is worth a confirmation, the search has its runs.
+    let is_hopeless = models.is_some() && outlook.is_hopeless();
+    let is_searching =
+        further.is_some() && search_room(goal, &plan, study, is_hopeless) > 0 && open + confirmed == 0;
     let mut is_over = true;
     if is_searching {
-        let improvement = search_step(goal, &next, study, models.as_ref(), &mut course);
+        let improvement = search_step(goal, (&next, is_hopeless), study, models.as_ref(), &mut course);
         if let Finding::Optimise(answer) = &mut course.finding {
             answer.expected_improvement = improvement;
         }
-        is_over = improvement.is_some_and(|improvement| improvement < goal.tolerance);
+        let is_small = improvement.is_some_and(|improvement| improvement < goal.tolerance);
+        // Where no point is worth a confirmation, every improvement is small: the search goes on while the constraints may hold somewhere.
+        is_over = if is_hopeless { improvement.is_some() && outlook.is_nowhere() } else { is_small };
     }
     if is_over {
         if is_searching {
@@ -269,6 +280,7 @@ pub(super) fn decide(goal: &Optimise, study: &Study<'_>) -> Course {
     {
         answer.obstacle = Some(match (&models, further) {
             (Some(_), None) => Obstacle::ConfirmationRuns,
+            (Some(_), Some(_)) if is_over && is_hopeless => Obstacle::Nowhere,
             (Some(_), Some(_)) if is_over => Obstacle::NoCandidate,
             _ => Obstacle::MissingResponses,
         });
@@ -306,12 +318,12 @@ fn begin_confirmations(
 }
 
 /// Number of runs that the search may still begin.
-fn search_room(goal: &Optimise, plan: &Plan, study: &Study<'_>) -> usize {
+fn search_room(goal: &Optimise, plan: &Plan, study: &Study<'_>, is_hopeless: bool) -> usize {
     let points = study.evidence.points();
     let searched: usize = points.iter().map(|point| search_runs(point).count()).sum();
     let confirming = study.evidence.runs() - searched;
     let free = study.question.budget.max_runs.saturating_sub(goal.reserve(plan) + confirming);
-    let share = if confirming == 0 { FIRST_SEARCH } else { 1.0 };
+    let share = if confirming == 0 && !is_hopeless { FIRST_SEARCH } else { 1.0 };
     // Runs that the budget does not count belong to the search.
     ((share * free as f64) as usize).saturating_sub(searched - study.evidence.free().min(searched))
 }
@@ -319,12 +331,12 @@ fn search_room(goal: &Optimise, plan: &Plan, study: &Study<'_>) -> usize {
 /// Proposes runs of the search. Returns the expected improvement of the best one; none while the first design is incomplete.
 fn search_step(
     goal: &Optimise,
-    next: &NextConfirmation<'_>,
+    (next, is_hopeless): (&NextConfirmation<'_>, bool),
     study: &Study<'_>,
     models: Option<&Models>,
     course: &mut Course,
 ) -> Option<f64> {
-    let room = search_room(goal, &next.plan, study).min(study.room);
+    let room = search_room(goal, &next.plan, study, is_hopeless).min(study.room);
     let (wanted, is_ready) = first_design::first_design(goal, study);
     let first = wanted.len();
     course.proposals.extend(wanted.into_iter().take(room));

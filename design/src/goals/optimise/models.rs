@@ -50,13 +50,17 @@ fn success(goal: &Optimise, study: &Study<'_>) -> Option<Model> {
     };
     let points = study.evidence.points();
     let mut all = points.iter().flat_map(search_runs);
-    all.any(|(_, outcome)| success(outcome) == Some(false)).then_some(())?;
+    let is_lost = all.any(|(_, outcome)| success(outcome) == Some(false));
+    (is_lost || points.iter().any(|point| point.impossible.is_some())).then_some(())?;
+    let result = |success: bool| Outcome::Responses([(NAME.to_owned(), f64::from(u8::from(success)))].into());
     let of_point = |point: &PointRuns| {
-        let runs = search_runs(point).filter_map(|(replicate, outcome)| {
-            let value = f64::from(u8::from(success(outcome)?));
-            Some((*replicate, Outcome::Responses([(NAME.to_owned(), value)].into())))
-        });
-        PointRuns { point: point.point.clone(), runs: runs.collect() }
+        let runs = search_runs(point)
+            .filter_map(|(replicate, outcome)| Some((*replicate, result(success(outcome)?))));
+        let mut runs: BTreeMap<u32, Outcome> = runs.collect();
+        if point.impossible.is_some() {
+            runs.insert(0, result(false));
+        }
+        PointRuns { point: point.point.clone(), runs, impossible: None }
     };
     let points: Vec<PointRuns> = points.iter().map(of_point).collect();
     Model::fit(&study.question.factors, &Measure::Probability(NAME.to_owned()), &points)

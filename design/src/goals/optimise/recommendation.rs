@@ -18,6 +18,8 @@ use crate::intervals::Estimated;
 use crate::model::kernel::columns;
 use crate::question::Measure;
 
+/// A confirmation that passes with less than this probability is not begun.
+const HOPELESS: f64 = 0.05;
 /// The assurance that the last affordable confirmation needs.
 const LAST_ASSURANCE: f64 = 0.8;
 /// Points nearer than this to a rejected one, in every factor and in widths of its range, are not recommended.
@@ -144,10 +146,41 @@ impl<'a> Outlook<'a> {
                 .filter(|point| point.is_rejected())
                 .map(recommendation)
                 .collect(),
+            nearest: self.nearest().filter(|_| self.is_hopeless()).map(recommendation),
             attempts: begun.values().map(|(runs, _)| runs.attempt).max().unwrap_or(0),
             expected_improvement: None,
             obstacle: None,
         }
+    }
+
+    /// Whether no point is worth a confirmation.
+    pub(super) fn is_hopeless(&self) -> bool {
+        !self.considered.iter().any(Considered::is_good)
+            && self.nearest().is_some_and(|point| point.assurance < HOPELESS)
+    }
+
+    /// Whether at every point without a confirmation some constraint is broken by the 95 % interval of the models.
+    pub(super) fn is_nowhere(&self) -> bool {
+        let is_broken = |(constraint, forecast): (&Constraint, &Forecast)| {
+            constraint.at_most.is_some_and(|limit| forecast.low > limit)
+                || constraint.at_least.is_some_and(|limit| forecast.high < limit)
+        };
+        self.fresh().iter().all(|point| self.goal.constraints.iter().zip(&point.constraints).any(is_broken))
+    }
+
+    /// The point without a confirmation that would most probably pass one.
+    fn nearest(&self) -> Option<&Considered<'a>> {
+        let fresh = self.fresh();
+        fresh.into_iter().reduce(|best, other| if other.assurance > best.assurance { other } else { best })
+    }
+
+    /// Points without a confirmation, and not beside a rejected one.
+    fn fresh(&self) -> Vec<&Considered<'a>> {
+        let rejected: Vec<_> = self.considered.iter().filter(|point| point.is_rejected()).collect();
+        let is_fresh = |point: &&Considered<'_>| {
+            point.state.is_none() && !rejected.iter().any(|other| point.is_near(other))
+        };
+        self.considered.iter().filter(is_fresh).collect()
     }
 
     /// Up to `count` points for the next confirmations.
@@ -159,12 +192,11 @@ impl<'a> Outlook<'a> {
     /// confirmation.
     fn next(&self, count: usize) -> Vec<&Considered<'a>> {
         let good: Vec<_> = self.considered.iter().filter(|point| point.is_good()).collect();
-        let rejected: Vec<_> = self.considered.iter().filter(|point| point.is_rejected()).collect();
-        let is_fresh = |point: &&Considered<'_>| {
-            point.state.is_none() && !rejected.iter().any(|other| point.is_near(other))
-        };
-        let fresh: Vec<&Considered<'a>> = self.considered.iter().filter(is_fresh).collect();
+        let fresh = self.fresh();
         let best = fresh.iter().map(|point| point.assurance).fold(0.0, f64::max);
+        if best < HOPELESS {
+            return Vec::new();
+        }
         let least = self.least_assurance.min(best);
         let mut likely: Vec<&Considered<'a>> =
             fresh.into_iter().filter(|point| point.assurance >= least).collect();

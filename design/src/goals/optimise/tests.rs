@@ -99,7 +99,7 @@ fn attempts(
     let mut last = (ConfirmationState::Open, 0);
     for attempt in attempts {
         let first = attempt * FIRST_CONFIRMATION;
-        let mut point = PointRuns { point: Point::new(&[0.5]), runs: [].into() };
+        let mut point = PointRuns { point: Point::new(&[0.5]), runs: [].into(), impossible: None };
         let mut next = first..first + goal.plan(attempt).unwrap().first as u32;
         loop {
             for replicate in next {
@@ -222,7 +222,7 @@ fn equal_values_certify_no_mean() {
 /// The state of a first attempt with all its runs, where `outcome` says what a run gives.
 fn state_of(goal: &Optimise, runs: u32, outcome: impl Fn(u32) -> Outcome) -> ConfirmationState {
     let runs = (0..runs).map(|index| (FIRST_CONFIRMATION + index, outcome(index)));
-    let point = PointRuns { point: Point::new(&[0.5]), runs: runs.collect() };
+    let point = PointRuns { point: Point::new(&[0.5]), runs: runs.collect(), impossible: None };
     Confirming::of(goal, &point).unwrap().state(goal, 20)
 }
 

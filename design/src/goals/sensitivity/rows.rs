@@ -195,8 +195,11 @@ impl Progress {
     }
 }
 
+/// The state of a run, if there is one. A run that cannot be made is lost as one that fails.
 fn outcome<'a>(study: &'a Study<'_>, run: &Proposal) -> Option<&'a Outcome> {
-    study.evidence.at(&run.point)?.runs.get(&run.replicate)
+    let known = study.evidence.at(&run.point)?;
+    let lost = known.impossible.is_some().then_some(&Outcome::Failed);
+    known.runs.get(&run.replicate).or(lost)
 }
 
 fn value(study: &Study<'_>, run: &Proposal, measure: &Measure) -> Option<f64> {

@@ -11,7 +11,7 @@ use roost_api::quantity::Quantity;
 use roost_api::study::{Driver, StudyEnd, StudyState};
 use roost_design::goals::{Constraint, Effects, EstimateAnswer, Objective, SensitivityAnswer, SobolIndices};
 use roost_design::intervals::Estimated;
-use roost_design::{Answer, Finding, Goal, Measure};
+use roost_design::{Answer, ExcludedPoint, Finding, Goal, Measure};
 use serde_json::Value;
 
 use super::Study;
@@ -109,11 +109,7 @@ pub(super) fn answer(study: &Study, answer: &Answer, known: &Known) -> Vec<Strin
     sentences.push(format!("The answer rests on {} runs{failed}.", runs.done));
     sentences.extend(sources::sentences(study, known));
     sentences.extend(growth(study));
-    if !answer.excluded.is_empty() {
-        let points: Vec<String> =
-            answer.excluded.iter().take(MAX_STATED).map(|point| place(study, &point.values)).collect();
-        sentences.push(format!("Left out because their runs fail or lack responses: {}.", list(&points)));
-    }
+    sentences.extend(excluded(study, &answer.excluded));
     for of in &answer.unusable {
         let counts = [
             (of.missing, "without it"),
@@ -127,6 +123,27 @@ pub(super) fn answer(study: &Study, answer: &Answer, known: &Known) -> Vec<Strin
     }
     sentences.push(assumptions(study));
     sentences.extend(sources::assumption(study));
+    sentences
+}
+
+/// The points that were left out, and why.
+fn excluded(study: &Study, excluded: &[ExcludedPoint]) -> Vec<String> {
+    let places = |points: &[&ExcludedPoint]| -> Vec<String> {
+        points.iter().take(MAX_STATED).map(|point| place(study, &point.values)).collect()
+    };
+    let (impossible, failed): (Vec<_>, Vec<_>) =
+        excluded.iter().partition(|point| point.impossible.is_some());
+    let mut sentences = Vec::new();
+    if !failed.is_empty() {
+        let places = list(&places(&failed));
+        sentences.push(format!("Left out because their runs fail or lack responses: {places}."));
+    }
+    if let Some(reason) = impossible.first().and_then(|point| point.impossible.as_ref()) {
+        let points = if impossible.len() == 1 { "1 point" } else { &format!("{} points", impossible.len()) };
+        let places = list(&places(&impossible));
+        sentences.push(format!("Left out because no scenario has these values, {points}: {places}."));
+        sentences.push(format!("The first of these faults: {reason}."));
+    }
     sentences
 }
 

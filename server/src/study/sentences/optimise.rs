@@ -2,7 +2,7 @@
 
 use roost_design::Goal;
 use roost_design::goals::{
-    Confirmation, ConfirmationState, Constraint, Objective, Obstacle, OptimiseAnswer, Recommendation,
+    Confirmation, ConfirmationState, Constraint, Forecast, Obstacle, Optimise, OptimiseAnswer, Recommendation,
 };
 
 use super::{MAX_STATED, ends, interval, place};
@@ -12,38 +12,14 @@ use crate::study::words::{list, measure, value};
 /// The recommended points with their confirmation, and what was rejected.
 pub(super) fn sentences(study: &Study, finding: &OptimiseAnswer) -> Vec<String> {
     let Goal::Optimise(goal) = &study.question.goal else { return Vec::new() };
-    let mut sentences: Vec<String> = finding
-        .recommended
-        .iter()
-        .map(|point| {
-            let objectives =
-                goal.objectives.iter().map(Objective::measure).zip(&point.objectives).enumerate();
-            let objectives: Vec<String> = objectives
-                .map(|(index, (of, forecast))| {
-                    let confirmed =
-                        point.confirmation.as_ref().and_then(|found| found.objectives.get(index)?.as_ref());
-                    match confirmed {
-                        Some(estimated) => {
-                            format!("{} is {}", measure(of), interval(of, estimated.value, ends(estimated)))
-                        }
-                        None => format!(
-                            "{} is forecast as {}",
-                            measure(of),
-                            interval(of, forecast.value, Some((forecast.low, forecast.high)))
-                        ),
-                    }
-                })
-                .collect();
-            format!(
-                "At {}, {}; {}.",
-                place(study, &point.values),
-                list(&objectives),
-                confirmation(goal.constraints.as_slice(), point)
-            )
-        })
-        .collect();
+    let recommended = finding.recommended.iter().map(|point| {
+        let confirmation = confirmation(goal.constraints.as_slice(), point);
+        format!("At {}, {}; {confirmation}.", place(study, &point.values), list(&objectives(goal, point)))
+    });
+    let mut sentences: Vec<String> = recommended.collect();
     if sentences.is_empty() {
-        sentences.push("No point is recommended yet.".to_owned());
+        let yet = if finding.obstacle.is_none() { " yet" } else { "" };
+        sentences.push(format!("No point is recommended{yet}."));
     }
     if let Some(obstacle) = finding.obstacle {
         let why = match obstacle {
@@ -51,9 +27,24 @@ pub(super) fn sentences(study: &Study, finding: &OptimiseAnswer) -> Vec<String> 
             Obstacle::NoCandidate => {
                 "every point that could be confirmed has failed, or lies beside one that has"
             }
+            Obstacle::Nowhere => "nowhere in the range would a point pass a confirmation, by the models",
             Obstacle::ConfirmationRuns => "`confirmation_runs` are too few for a further attempt",
         };
         sentences.push(format!("The search ended because {why}."));
+    }
+    if let Some(point) = &finding.nearest {
+        let forecasts: Vec<String> = point.constraints.iter().map(forecast).collect();
+        sentences.push(format!(
+            "The constraints are nearest to hold at {}: {}.",
+            place(study, &point.values),
+            list(&forecasts)
+        ));
+    }
+    if finding.attempts > 1 {
+        sentences.push(format!(
+            "Of {} attempts at a confirmation, all together are wrong about a point with at most 5 %.",
+            finding.attempts
+        ));
     }
     if !finding.rejected.is_empty() {
         let points: Vec<String> =
@@ -61,6 +52,24 @@ pub(super) fn sentences(study: &Study, finding: &OptimiseAnswer) -> Vec<String> 
         sentences.push(format!("Not confirmed by fresh seeds: {}.", list(&points)));
     }
     sentences
+}
+
+/// The objectives at a point: by its confirmation, or else as forecast.
+fn objectives(goal: &Optimise, point: &Recommendation) -> Vec<String> {
+    let confirmed =
+        |index: usize| point.confirmation.as_ref().and_then(|found| found.objectives.get(index)?.as_ref());
+    let objective = |(index, forecast_of): (usize, &Forecast)| match confirmed(index) {
+        Some(estimated) => {
+            let of = &forecast_of.of;
+            format!("{} is {}", measure(of), interval(of, estimated.value, ends(estimated)))
+        }
+        None => forecast(forecast_of),
+    };
+    point.objectives.iter().take(goal.objectives.len()).enumerate().map(objective).collect()
+}
+
+fn forecast(Forecast { of, value, low, high }: &Forecast) -> String {
+    format!("{} is forecast as {}", measure(of), interval(of, *value, Some((*low, *high))))
 }
 
 /// The state of the confirmation of a point, with the bounds of its constraints.

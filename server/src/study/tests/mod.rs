@@ -1,6 +1,7 @@
 //! Evidence, trials and sentences of studies.
 
 mod factors;
+mod impossible;
 
 use std::collections::BTreeSet;
 
@@ -37,7 +38,7 @@ fn boundary() -> Value {
 /// A study as the store has it, with other ranges.
 fn present(study: &Study, ranges: Option<Ranges>) -> Present {
     let (submitted, seeding) = (study.spec.clone(), study.seeding.clone());
-    Present { submitted, max_runs: 60, ranges, past_attempts: 0, seeding }
+    Present { submitted, max_runs: 60, ranges, past_attempts: 0, seeding, impossible: Vec::new() }
 }
 
 /// Trials of a decision in a state, with a response.

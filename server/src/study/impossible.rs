@@ -1,0 +1,52 @@
+//! Points of the ranges whose scenarios have faults: the values of the factors do not go together there.
+//!
+//! A study checks the corners of its ranges when it is submitted, and meets such points later. It goes on without them. Its answer names
+//! them, and later decisions know them from there.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use roost_api::Fault;
+use roost_design::{ExcludedPoint, Point, Proposal};
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::Study;
+
+/// A point of the ranges whose scenario has faults.
+#[derive(Clone, Debug)]
+pub(crate) struct ImpossiblePoint {
+    /// Values of the factors: numbers in their units, or levels.
+    values: Vec<Value>,
+    /// The first fault.
+    reason: String,
+}
+
+/// The points of a stored answer at which nothing can be run.
+pub(crate) fn impossible_points(answer: Option<&Value>) -> Result<Vec<ImpossiblePoint>, serde_json::Error> {
+    let Some(excluded) = answer.and_then(|answer| answer.get("excluded")) else { return Ok(Vec::new()) };
+    let points = Vec::<ExcludedPoint>::deserialize(excluded)?.into_iter().filter_map(|point| {
+        let ExcludedPoint { values, impossible, .. } = point;
+        Some(ImpossiblePoint { values, reason: impossible? })
+    });
+    Ok(points.collect())
+}
+
+impl Study {
+    /// The points at which earlier decisions found that nothing can be run, each with the reason.
+    pub(super) fn impossible(&self) -> BTreeMap<Point, String> {
+        let points = self.impossible.iter().filter_map(|known| {
+            Some((Point::of_run(&self.question.factors, &known.values)?, known.reason.clone()))
+        });
+        points.collect()
+    }
+
+    /// The points of proposals whose scenarios have faults.
+    pub(super) fn refused(&self, proposals: &[Proposal]) -> BTreeMap<Point, Vec<Fault>> {
+        let points: BTreeSet<&Point> = proposals.iter().map(|proposal| &proposal.point).collect();
+        let refused = points.into_iter().filter_map(|point| {
+            let made = self.points.at_values(point.levels(&self.question.factors));
+            Some((point.clone(), made.err()?))
+        });
+        refused.collect()
+    }
+}
