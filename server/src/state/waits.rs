@@ -8,7 +8,7 @@ use super::AppState;
 use super::farm_view::FarmView;
 use crate::forecast::Batch;
 use crate::queue::{JobsBefore, why_waiting};
-use crate::store::{MAX_COUNTED, QueueGroup, QueuePlace, StoreError, by_owner};
+use crate::store::{CountedJobs, QueueGroup, QueuePlace, StoreError, by_owner};
 
 /// Queues of one owner in which the jobs before a place are counted.
 const COUNTED_QUEUES: usize = 32;
@@ -59,14 +59,23 @@ impl AppState {
         }
         let competing: Vec<QueueGroup> = groups.iter().map(|(group, _)| group.clone()).collect();
         let mut owners = by_owner(&competing, place.priority);
-        let mut own = 0;
-        for (index, group) in owners.remove(&place.owner).unwrap_or_default().into_iter().enumerate() {
-            let counted =
-                if index < COUNTED_QUEUES { self.store.jobs_before(group, place).await? } else { u64::MAX };
-            let is_exact = counted <= MAX_COUNTED;
-            // The count has come to at least the maximum.
-            let estimated = || share_before(group, place.position).max(MAX_COUNTED).min(group.jobs);
-            let jobs = if is_exact { counted } else { estimated() };
+        let (mut own, mut counted) = (0, Vec::new());
+        for group in owners.remove(&place.owner).unwrap_or_default() {
+            // Groups of one queue follow each other.
+            if counted.last().is_none_or(|(queue, _)| *queue != group.queue) {
+                let jobs = if counted.len() < COUNTED_QUEUES {
+                    Some(self.store.jobs_before(group.queue, place).await?)
+                } else {
+                    None
+                };
+                counted.push((group.queue, jobs));
+            }
+            let counted = counted.last().and_then(|(_, jobs)| jobs.as_ref());
+            let is_exact = counted.is_some_and(CountedJobs::are_all);
+            let jobs = counted.map_or(0, |jobs| jobs.of(&group.needs));
+            // At least those that were counted come before the place.
+            let jobs =
+                if is_exact { jobs } else { share_before(group, place.position).max(jobs).min(group.jobs) };
             before.is_exact &= is_exact;
             own += jobs;
             batch = batch.with(of(group, jobs));

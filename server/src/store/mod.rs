@@ -82,7 +82,7 @@ pub(crate) use tokens::Token;
 pub use tokens::TokenFile;
 pub(crate) use trials::{MAX_DOCUMENTS, TrialDocument, TrialPlace};
 pub(crate) use versions::{QueueCounts, Subject};
-pub(crate) use waiting::{MAX_COUNTED, QueueGroup, QueuePlace, by_owner};
+pub(crate) use waiting::{CountedJobs, QueueGroup, QueuePlace, by_owner};
 pub(crate) use workers::{OnlineWorker, meets};
 use writer::Writer;
 

@@ -21,7 +21,7 @@ use super::{Store, StoreError};
 use crate::queue::{Owner, QueuedJob, Rounds, WorkerSight};
 
 /// Maximum number of jobs of a queue that are counted one by one.
-pub(crate) const MAX_COUNTED: u64 = 1000;
+const MAX_COUNTED: u64 = 1000;
 
 /// Maximum number of jobs of an owner's common queue that are counted.
 const MAX_COMMON: i64 = 50_000;
@@ -59,6 +59,22 @@ pub(crate) struct QueueGroup {
     /// Positions of the first and the last.
     pub(crate) first: i64,
     pub(crate) last: i64,
+}
+
+/// Number of jobs of a queue that come before a place, by needs.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct CountedJobs(Vec<(Needs, u64)>);
+
+impl CountedJobs {
+    /// Those with some needs.
+    pub(crate) fn of(&self, needs: &Needs) -> u64 {
+        self.0.iter().find(|(of, _)| of == needs).map_or(0, |(_, jobs)| *jobs)
+    }
+
+    /// Whether all were counted.
+    pub(crate) fn are_all(&self) -> bool {
+        self.0.iter().map(|(_, jobs)| jobs).sum::<u64>() <= MAX_COUNTED
+    }
 }
 
 const JOB: &str = "SELECT j.*, a.outcome, a.message AS outcome_message FROM jobs j
@@ -110,12 +126,13 @@ pub(super) const COMMON: &str = concat!(
     " AND j.priority = ? AND j.owner = ? AND j.queue = 0 LIMIT ?) GROUP BY needs_backend, needs_memory_mib"
 );
 
-/// Jobs of a queue with these needs that come before a place, up to a limit.
+/// Jobs of a queue that come before a place, by needs, among the first ones up to a limit.
 pub(super) const BEFORE: &str = concat!(
-    "SELECT count(*) FROM (SELECT 1 FROM jobs j WHERE ",
+    "SELECT needs_backend, needs_memory_mib, count(*) AS jobs FROM (
+         SELECT needs_backend, needs_memory_mib FROM jobs j WHERE ",
     claimable!("j"),
     " AND j.priority = ? AND j.owner = ? AND j.queue = ? AND (j.queue_position, j.seq) < (?, ?)
-      AND j.needs_backend IS ? AND j.needs_memory_mib IS ? LIMIT ?)"
+         ORDER BY j.queue_position, j.seq LIMIT ?) GROUP BY needs_backend, needs_memory_mib"
 );
 
 /// The first or last queued jobs of a sweep, in the order of submission.
@@ -272,20 +289,19 @@ impl Store {
         Ok((groups, rounds))
     }
 
-    /// Number of jobs of a group that come before a place, up to [`MAX_COUNTED`] + 1.
-    pub(crate) async fn jobs_before(&self, group: &QueueGroup, place: QueuePlace) -> Result<u64, StoreError> {
-        let count: i64 = sqlx::query_scalar(BEFORE)
-            .bind(group.priority)
-            .bind(group.owner)
-            .bind(group.queue)
+    /// Jobs of a queue of an owner that come before a place. Of a long queue, the first [`MAX_COUNTED`] + 1 are counted, whatever they need.
+    pub(crate) async fn jobs_before(&self, queue: i64, place: QueuePlace) -> Result<CountedJobs, StoreError> {
+        let rows = sqlx::query(BEFORE)
+            .bind(place.priority)
+            .bind(place.owner)
+            .bind(queue)
             .bind(place.position)
             .bind(place.seq)
-            .bind(&group.needs.backend)
-            .bind(group.needs.memory_mib)
             .bind(MAX_COUNTED as i64 + 1)
-            .fetch_one(&self.readers)
+            .fetch_all(&self.readers)
             .await?;
-        Ok(count.unsigned_abs())
+        let count = |row: &SqliteRow| Ok((needs(row)?, row.number("jobs")?));
+        Ok(CountedJobs(rows.iter().map(count).collect::<Result<_, StoreError>>()?))
     }
 
     /// The first job of a sweep that claims look at, its place, and the place of the last one.

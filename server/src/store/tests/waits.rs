@@ -72,34 +72,47 @@ async fn reasons_and_forecasts_use_indices_without_sorting() {
         assert!(steps.contains(index), "{index}: {sql}\n{steps}");
         // Needs of small sweeps are sorted, and the first of the 1,000 jobs at an end of a sweep.
         let sorts = steps.matches("TEMP B-TREE").count();
-        let allowed = if [waiting::COMMON, first, last].contains(&sql) { 1 } else { 0 };
+        let allowed = if [waiting::COMMON, waiting::BEFORE, first, last].contains(&sql) { 1 } else { 0 };
         assert!(sorts <= allowed, "{sql}\n{steps}");
     }
     store.close().await;
 }
 
-#[tokio::test]
-async fn a_count_of_jobs_before_a_place_is_bounded() {
-    let (store, _dir) = store().await;
+/// Queues 3,000 jobs in the common queue of owner 0, of which every hundredth needs a GPU.
+async fn queue_jobs(store: &Store) {
     let sql = "
-        INSERT INTO scenarios (digest, body) VALUES ('d', '{}');
+        INSERT INTO scenarios (digest, body) VALUES ('any', '{}'), ('gpu', '{}');
         WITH RECURSIVE n (value) AS (SELECT 1 UNION ALL SELECT value + 1 FROM n WHERE value < 3000)
-        INSERT INTO jobs (id, scenario_digest, seed, priority, queue_position, labels, cache, submitted_at)
-        SELECT 'j' || value, 'd', 1, 0, value, '{}', 'use', 0 FROM n;";
+        INSERT INTO jobs (id, scenario_digest, seed, priority, queue_position, needs_backend, labels, cache, submitted_at)
+        SELECT 'j' || value, CASE WHEN value % 100 = 0 THEN 'gpu' ELSE 'any' END, 1, 0, value,
+            CASE WHEN value % 100 = 0 THEN 'gpu' END, '{}', 'use', 0 FROM n;";
     let write = store
         .writer
         .write(move |tx| Box::pin(async move { Ok(sqlx::raw_sql(sql).execute(tx).await.map(drop)?) }));
     write.await.unwrap();
-    let (groups, _) = store.queue_groups().await.unwrap();
-    assert_eq!(groups.len(), 1);
-    let group = &groups[0];
-    assert_eq!((group.jobs, group.first, group.last), (3000, 1, 3000));
+}
+
+#[tokio::test]
+async fn a_count_of_jobs_before_a_place_is_bounded() {
+    let (store, _dir) = store().await;
+    queue_jobs(&store).await;
+    let (mut groups, _) = store.queue_groups().await.unwrap();
+    groups.sort_by_key(|group| group.jobs);
+    let [gpu, any] = &groups[..] else { panic!("{groups:?}") };
+    assert_eq!((gpu.jobs, gpu.first, gpu.last), (30, 100, 3000));
+    assert_eq!((any.jobs, any.first, any.last), (2970, 1, 2999));
     let place = |position| QueuePlace { seq: position, priority: 0, owner: 0, queue: 0, position };
-    for (position, expected) in [(1, 0), (500, 499), (1001, 1000), (2900, MAX_COUNTED + 1)] {
-        assert_eq!(store.jobs_before(group, place(position)).await.unwrap(), expected, "{position}");
+    let count = async |place| {
+        let counted = store.jobs_before(0, place).await.unwrap();
+        (counted.of(&any.needs), counted.of(&gpu.needs), counted.are_all())
+    };
+    for (position, expected) in [(1, (0, 0, true)), (500, (495, 4, true)), (1001, (990, 10, true))] {
+        assert_eq!(count(place(position)).await, expected, "{position}");
     }
+    // No more jobs are read, however few of them need a GPU.
+    assert_eq!(count(place(2900)).await, (991, 10, false));
     // A job that was queued again stands behind, whatever its age.
-    assert_eq!(store.jobs_before(group, QueuePlace { seq: 1, ..place(700) }).await.unwrap(), 699);
+    assert_eq!(count(QueuePlace { seq: 1, ..place(700) }).await, (693, 6, true));
     let none = store.online_workers(Timestamp(0), Duration::from_secs(1)).await.unwrap();
     assert!(none.is_empty());
     store.close().await;
