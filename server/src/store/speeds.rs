@@ -14,6 +14,8 @@ use super::{Store, StoreError};
 /// Places of a queue where scenarios are sampled, and scenarios at each.
 const PLACES: i64 = 8;
 const AT_PLACE: i64 = 4;
+/// Jobs at a place that are searched for those with the same needs.
+const SEARCHED: i64 = 500;
 
 /// Maximum number of running jobs that are read.
 pub(crate) const MAX_RUNNING: u32 = 2000;
@@ -66,11 +68,15 @@ pub(super) const FINISHED_OF_SWEEP: &str = finished!(
      ORDER BY ended_at DESC LIMIT 1000"
 );
 
-/// Scenarios of a queue from a position on.
+/// Scenarios of a queue's jobs with some needs, from a position on.
 pub(super) const QUEUED: &str = concat!(
-    "SELECT j.scenario_digest, s.body FROM jobs j JOIN scenarios s ON s.digest = j.scenario_digest WHERE ",
+    "SELECT j.scenario_digest, s.body FROM (
+         SELECT seq, needs_backend, needs_memory_mib FROM jobs j WHERE ",
     claimable!("j"),
-    " AND j.priority = ? AND j.owner = ? AND j.queue = ? AND j.queue_position >= ? ORDER BY j.queue_position, j.seq LIMIT ?"
+    " AND j.priority = ? AND j.owner = ? AND j.queue = ? AND j.queue_position >= ?
+         ORDER BY j.queue_position, j.seq LIMIT ?) AS found
+     JOIN jobs j ON j.seq = found.seq JOIN scenarios s ON s.digest = j.scenario_digest
+     WHERE found.needs_backend IS ? AND found.needs_memory_mib IS ? LIMIT ?"
 );
 
 /// Scenarios of a sweep from a design point on.
@@ -113,7 +119,7 @@ impl Store {
         rows.iter().map(job).collect()
     }
 
-    /// Scenarios at up to 8 places of a queue.
+    /// Scenarios of a group at up to 8 places of its queue, the first of which is its first job.
     pub(crate) async fn sampled_queue(&self, group: &QueueGroup) -> Result<Vec<StoredScenario>, StoreError> {
         let (mut found, span) = (Vec::new(), group.last - group.first + 1);
         for place in 0..PLACES.min(span) {
@@ -123,6 +129,9 @@ impl Store {
                 .bind(group.owner)
                 .bind(group.queue)
                 .bind(position)
+                .bind(SEARCHED)
+                .bind(&group.needs.backend)
+                .bind(group.needs.memory_mib)
                 .bind(AT_PLACE)
                 .fetch_all(&self.readers)
                 .await?;

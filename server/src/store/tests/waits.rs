@@ -117,3 +117,18 @@ async fn a_count_of_jobs_before_a_place_is_bounded() {
     assert!(none.is_empty());
     store.close().await;
 }
+
+#[tokio::test]
+async fn the_cost_of_a_group_is_sampled_from_its_own_jobs() {
+    let (store, _dir) = store().await;
+    queue_jobs(&store).await;
+    let (groups, _) = store.queue_groups().await.unwrap();
+    assert_eq!(groups.len(), 2);
+    for group in &groups {
+        let digest = group.needs.backend.as_deref().unwrap_or("any");
+        let sampled = store.sampled_queue(group).await.unwrap();
+        assert!(sampled.len() >= 28, "{} scenarios at 8 places", sampled.len());
+        assert!(sampled.iter().all(|scenario| scenario.digest == digest), "{digest}: {sampled:?}");
+    }
+    store.close().await;
+}
