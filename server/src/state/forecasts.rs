@@ -55,7 +55,7 @@ impl AppState {
         let estimate_s = self.mean_estimate(scenario.as_slice()).await?.unwrap_or_else(|| view.typical_s());
         let stored = self.store.queued_job(job.id).await?;
         let Some(stored) = stored.filter(|_| job.state == JobState::Queued) else {
-            let (needs, own) = (Needs::default(), OwnRunning::Job(job.id));
+            let (needs, own) = (self.store.needs_of_job(job.id).await?, OwnRunning::Job(job.id));
             let subject = Subject { needs: &needs, sweep: job.sweep_id, own, queue: Queue::default() };
             let made = self.simulated(&view, &subject, estimate_s).await?;
             return Ok(made.map_or_else(
@@ -122,13 +122,13 @@ impl AppState {
         }
         let claimable = counts.queued.saturating_sub(paused + in_pause);
         let mut free = claimable;
-        let (mut needs, mut stuck) = (Needs::default(), None);
+        let (mut needs, mut stuck) = (None, None);
         let (mut ahead, mut between) = (Batch::default(), Batch::default());
         if let Some((first, first_place, last_place)) = ends
             && let Some(stored) = self.store.queued_job(first).await?
             && let Some(it) = self.waiting(first).await?
         {
-            needs = stored.job.needs;
+            let needs = &*needs.insert(stored.job.needs);
             if is_stuck(it.reason) {
                 add(it.reason, free, &it.detail);
                 stuck = Some(it.detail);
@@ -148,12 +148,12 @@ impl AppState {
                 if !is_first_behind {
                     add(it.reason, free.min(1), &it.detail);
                 }
-                let (before, batch) = self.before(&view, first_place, &needs).await?;
+                let (before, batch) = self.before(&view, first_place, needs).await?;
                 let rest = if is_first_behind { free } else { free.saturating_sub(1) };
                 let first_behind =
                     if is_first_behind { before } else { JobsBefore { same: before.same + 1, ..before } };
                 add(WaitReason::Behind, rest, &first_behind.in_words());
-                let (last, all) = self.before(&view, last_place, &needs).await?;
+                let (last, all) = self.before(&view, last_place, needs).await?;
                 ahead = batch;
                 let others = last.total().saturating_sub(before.total() + claimable.saturating_sub(1));
                 between = Batch { jobs: others, estimate_s: all.estimate_s };
@@ -165,6 +165,11 @@ impl AppState {
             let detail = stuck.unwrap_or_else(|| "every job that has not ended is paused".to_owned());
             return Ok(Forecast { no_forecast: Some(detail), ..base });
         }
+        let needs = match needs {
+            Some(needs) => needs,
+            // No job is queued now; further ones need the same.
+            None => self.store.needs_of_sweep(sweep.id).await?,
+        };
         let scenarios = self.store.sampled_sweep(sweep.id, sweep.points).await?;
         let estimate_s = self.mean_estimate(&scenarios).await?.unwrap_or_else(|| view.typical_s());
         let unpaused = |runs: u64| runs.saturating_sub(counts.running + paused);

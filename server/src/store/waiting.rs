@@ -221,6 +221,22 @@ impl Store {
         Ok(Some(StoredQueuedJob { job, place: place(&row)?, since }))
     }
 
+    /// What a job needs, in any state.
+    pub(crate) async fn needs_of_job(&self, id: JobId) -> Result<Needs, StoreError> {
+        self.needs("SELECT needs_backend, needs_memory_mib FROM jobs WHERE id = ?", id.to_string()).await
+    }
+
+    /// What each job of a sweep needs, in any state.
+    pub(crate) async fn needs_of_sweep(&self, id: SweepId) -> Result<Needs, StoreError> {
+        let sql = "SELECT needs_backend, needs_memory_mib FROM jobs WHERE sweep_id = ? LIMIT 1";
+        self.needs(sql, id.to_string()).await
+    }
+
+    async fn needs(&self, sql: &'static str, id: String) -> Result<Needs, StoreError> {
+        let row = sqlx::query(sql).bind(id).fetch_optional(&self.readers).await?;
+        row.as_ref().map_or_else(|| Ok(Needs::default()), needs)
+    }
+
     /// Online workers, and what their claims see of a job. The caller sets the slots.
     pub(crate) async fn sights(
         &self,

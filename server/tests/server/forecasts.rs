@@ -210,3 +210,28 @@ async fn a_study_is_forecast_before_and_after_its_submission() {
     assert_eq!(ended["no_forecast"], "all runs have ended");
     server.stop().await;
 }
+
+#[tokio::test]
+async fn runs_without_a_queued_job_are_forecast_for_workers_that_suit_them() {
+    let (server, _dir) = lease_of_a_minute().await;
+    let (gpu, _cpu) = (server.worker("gpu").await, server.worker("cpu").await);
+    let needs = json!({"backend": "gpu"});
+    let (mut job, mut sweep, mut study) = (envelope(900), sweep(2), question(0.5, 3));
+    for document in [&mut job, &mut sweep, &mut study] {
+        document["needs"] = needs.clone();
+    }
+    let job = server.submit(&job).await;
+    let sweep = server.post("/v1/sweeps", &sweep).await.expect(StatusCode::CREATED);
+    let study = server.post("/v1/studies", &study).await.expect(StatusCode::CREATED);
+    let mut claimed = 0;
+    while claimed < 6 {
+        claimed += gpu.claim(6).await.len();
+    }
+    for (kind, id) in [("jobs", &job["id"]), ("sweeps", &sweep["id"]), ("studies", &study["id"])] {
+        let path = format!("/v1/{kind}/{}/forecast", text(id));
+        let forecast = until(&server, &path, |forecast| forecast["basis"].is_object()).await;
+        assert_eq!(forecast["waiting"], json!([]), "{kind}");
+        assert_eq!(forecast["basis"]["workers"], 1, "{kind}: one of two workers has the backend");
+    }
+    server.stop().await;
+}
