@@ -200,6 +200,7 @@ async fn delete_batch(tx: &mut SqliteConnection, seq: i64) -> Result<(bool, Vec<
         "DELETE FROM extensions WHERE sweep_id = ?",
         "DELETE FROM asks WHERE study_id = ?",
         "DELETE FROM observations WHERE study_id = ?",
+        "DELETE FROM observation_counts WHERE study_id = ?",
         "DELETE FROM studies WHERE sweep_id = ?",
         "DELETE FROM sweeps WHERE id = ?",
     ] {

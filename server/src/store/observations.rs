@@ -17,7 +17,12 @@ use crate::study::{HandOut, Observation, Source, SweepRun, ToldOutcome, ToldRun}
 /// Maximum number of runs in the list of those that were handed out.
 const MAX_LISTED: u32 = 1000;
 
+/// The numbers that triggers keep: a view of a study costs the same, however many observations it has.
+pub(super) const OBSERVED: &str =
+    "SELECT done, failed, handed_out, outside_budget FROM observation_counts WHERE study_id = ?";
+
 /// Numbers of the observations of a study.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Observed {
     /// Runs that were handed out and have responses.
     pub(crate) done: u64,
@@ -58,13 +63,8 @@ impl Store {
 
     /// Numbers of the observations of a study.
     pub(crate) async fn observed(&self, id: SweepId) -> Result<Observed, StoreError> {
-        // A run that was given back and handed out again counts once.
-        let sql = "SELECT count(DISTINCT levels || seed) FILTER (WHERE source = 'asked' AND state = 'done') AS done,
-                       count(DISTINCT levels || seed) FILTER (WHERE source = 'asked' AND state = 'failed') AS failed,
-                       count(*) FILTER (WHERE state = 'handed_out') AS handed_out,
-                       count(*) FILTER (WHERE source <> 'asked') AS outside_budget
-                   FROM observations WHERE study_id = ?";
-        let row = sqlx::query(sql).bind(id.to_string()).fetch_one(&self.readers).await?;
+        let row = sqlx::query(OBSERVED).bind(id.to_string()).fetch_optional(&self.readers).await?;
+        let Some(row) = row else { return Ok(Observed::default()) };
         Ok(Observed {
             done: row.number("done")?,
             failed: row.number("failed")?,

@@ -10,6 +10,7 @@ use sqlx::AssertSqlSafe;
 use super::*;
 use crate::clock::Now;
 
+mod observations;
 mod query_plans;
 mod waits;
 
