@@ -22,7 +22,7 @@ fn study(goal: Value) -> Study {
         {"pointer": GATE, "levels": [0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.06]},
         {"pointer": HEIGHT, "levels": [0.6, 0.55, 0.5, 0.45, 0.4, 0.35, 0.3, 0.25, 0.2]},
     ]);
-    document["budget"] = json!({"max_runs": 200});
+    document["budget"] = json!({"max_runs": 400});
     let limits = SweepLimits { max_jobs: 1000, scenario: Limits::NONE };
     read(document, &Meshes::default(), limits).unwrap().0
 }
@@ -34,7 +34,7 @@ fn play(goal: Value) -> (Vec<TrialRow>, Value, Vec<String>) {
     let mut levels: Vec<(u32, Map<String, Value>)> = Vec::new();
     loop {
         let impossible = impossible_points(answer.as_ref()).unwrap();
-        let stored = Present { max_runs: 200, impossible, ..present(&first, None) };
+        let stored = Present { max_runs: 400, impossible, ..present(&first, None) };
         let decided = Study::stored(stored).unwrap().decide(&rows, &[], 12).unwrap();
         let found = json!(decided.answer);
         if decided.finished.is_some() {
@@ -88,7 +88,7 @@ fn a_study_goes_on_without_impossible_points_and_names_them() {
 
 #[test]
 fn a_sensitivity_loses_runs_that_cannot_be_made() {
-    let goal = json!({"sensitivity": {"of": [{"mean": "mean_rate_kg_s"}], "method": "morris", "width": 0.1}});
+    let goal = json!({"sensitivity": {"of": [{"mean": "mean_rate_kg_s"}], "method": "sobol", "width": 0.1}});
     let (rows, answer, _) = play(goal);
     assert!(rows.len() > 20);
     let lost = answer["finding"]["sensitivity"]["lost"].as_array().unwrap();
