@@ -3,7 +3,8 @@
 //! The library knows no HTTP, no database and no wall clock beyond timing itself. [`scenario`] reads and completes a
 //! document, [`check()`] makes it [`Checked`], and [`simulate()`] runs it. [`experiments`] turns a scenario into a scene of
 //! bodies and surfaces, [`engine`] owns the state and the order of the stages of a step, [`cpu`] and, with the feature of
-//! that name, `gpu` compute the stages, [`observe`] evaluates samples, and [`result`] is the result document.
+//! that name, `gpu` compute the stages, [`observe`] evaluates samples, [`result`] is the result document, and [`observable`] takes
+//! numbers from it that a laboratory measures as well.
 
 mod check;
 pub mod cpu;
@@ -13,6 +14,7 @@ pub mod experiments;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod mesh;
+pub mod observable;
 pub mod observe;
 pub mod physics;
 pub mod result;
