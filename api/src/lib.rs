@@ -13,6 +13,7 @@ pub mod frames;
 pub mod ids;
 pub mod job;
 pub mod lease;
+pub mod measurements;
 pub mod mesh;
 pub mod outputs;
 pub mod page;
