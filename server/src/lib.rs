@@ -7,6 +7,7 @@
 //! | `document`, `mesh`, `validation` | read and check submissions, pure |
 //! | `queue`, `sweep` | decide on attempts; expand designs and summarize results with `roost_stats`, pure |
 //! | `forecast` | says when jobs start and end, pure |
+//! | `measurements` | reads what a laboratory measured, pure |
 //! | `study` | reads studies, and states their answers, pure |
 //! | `decider` | grows studies: a background task |
 //! | `store` | one SQLite file and the objects; the only module with sqlx |
@@ -21,6 +22,7 @@ mod decider;
 mod document;
 mod forecast;
 mod http;
+mod measurements;
 mod mesh;
 mod process;
 mod queue;
@@ -36,8 +38,9 @@ pub use config::ServerConfig;
 pub use data::{DataError, backup, restore, tokens_in};
 pub use forecast::on_this_machine;
 pub use http::openapi;
+pub use measurements::{Lab, Target, TestTargets, read as read_measurements};
 pub use queue::{RetryLimit, RetryPolicy};
 pub use roost_solver::Limits;
 pub use server::{Server, ServerError};
 pub use store::{BackupReport, Bucket, BucketError, StoreError, TokenFile};
-pub use validation::{is_study, is_sweep, validate};
+pub use validation::{is_measurements, is_study, is_sweep, validate};

@@ -88,6 +88,12 @@ pub fn is_study(document: &Value) -> bool {
         || ["goal", "budget"].iter().any(|name| document.get(name).is_some())
 }
 
+/// Whether a document holds measurements: by its schema in any version, or by a field that only they have.
+pub fn is_measurements(document: &Value) -> bool {
+    let schema = document.get("schema").and_then(Value::as_str).unwrap_or_default();
+    schema.starts_with("roost.measurements/") || document.get("tests").is_some()
+}
+
 /// Whether a document is a sweep: by its schema, or by a field that only sweeps have.
 pub fn is_sweep(document: &Value) -> bool {
     document.get("schema").is_some_and(|schema| schema == SCHEMA)

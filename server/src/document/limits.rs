@@ -12,17 +12,21 @@ use super::fault;
 /// Maximum number of faults for long keys, and for long values.
 const MAX_LISTED: usize = 20;
 
-/// Faults of labels that are too many or too long. The fault of a long key points at `/labels`.
+/// Faults of labels that are too many or too long.
 pub(crate) fn label_faults(labels: &BTreeMap<String, String>) -> Vec<Fault> {
+    label_faults_at("/labels", "labels", labels)
+}
+
+/// The same of texts by name at another place. The fault of a long key points at `at`.
+pub(crate) fn label_faults_at(at: &str, noun: &str, labels: &BTreeMap<String, String>) -> Vec<Fault> {
     let mut faults = Vec::new();
     if labels.len() > MAX_LABELS {
         let allowed = format!("at most {MAX_LABELS}");
-        faults.push(fault("/labels", json!(labels.len()), "too many labels", &allowed));
+        faults.push(fault(at, json!(labels.len()), &format!("too many {noun}"), &allowed));
     }
-    let keys = labels.keys().filter_map(|key| too_long("/labels", "key", key));
+    let keys = labels.keys().filter_map(|key| too_long(at, "key", key));
     let values = labels.iter().filter(|(key, _)| key.len() <= MAX_NAME_BYTES);
-    let values =
-        values.filter_map(|(key, value)| too_long(&format!("/labels/{}", escape(key)), "value", value));
+    let values = values.filter_map(|(key, value)| too_long(&format!("{at}/{}", escape(key)), "value", value));
     faults.extend(keys.take(MAX_LISTED));
     faults.extend(values.take(MAX_LISTED));
     faults

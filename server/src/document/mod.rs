@@ -18,6 +18,7 @@ use roost_api::ask::{Ask, Tell};
 use roost_api::design::Extension;
 use roost_api::job::JobEnvelope;
 use roost_api::lease::{ClaimRequest, FailureReport, HeartbeatRequest, ResultDelivery};
+use roost_api::measurements::Measurements;
 use roost_api::study::{BudgetChange, RangeChange, StudySpec};
 use roost_api::sweep::SweepSpec;
 use roost_api::worker::WorkerRegistration;
@@ -28,7 +29,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
 use crate::mesh;
-pub(crate) use limits::{label_faults, name_fault};
+pub(crate) use limits::{label_faults, label_faults_at, name_fault};
 use place::Place;
 use serde_fault::serde_fault;
 pub(crate) use shape::MAX_FAULTS;
@@ -59,6 +60,7 @@ document_types!(
     FailureReport,
     HeartbeatRequest,
     JobEnvelope,
+    Measurements,
     RangeChange,
     ResultDelivery,
     StudySpec,

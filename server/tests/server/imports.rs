@@ -185,7 +185,9 @@ fn files_of_http_and_state_have_no_import_cycle() {
 #[test]
 fn lower_layers_do_not_import_higher_ones() {
     let tops = top_level(&graph());
-    for lower in ["store", "queue", "sweep", "study", "document", "forecast", "mesh", "validation"] {
+    for lower in
+        ["store", "queue", "sweep", "study", "document", "forecast", "measurements", "mesh", "validation"]
+    {
         for higher in ["http", "state", "server", "reaper", "decider"] {
             assert!(!tops[lower].contains(higher), "{lower} imports {higher}");
         }
