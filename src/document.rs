@@ -13,11 +13,15 @@ pub(crate) enum DocumentKind {
     Sweep,
     /// A question about a base scenario.
     Study,
+    /// Results of laboratory tests.
+    Measurements,
 }
 
 impl DocumentKind {
     pub(crate) fn of(document: &Value) -> Self {
-        if roost_server::is_study(document) {
+        if roost_server::is_measurements(document) {
+            Self::Measurements
+        } else if roost_server::is_study(document) {
             Self::Study
         } else if roost_server::is_sweep(document) {
             Self::Sweep
@@ -42,5 +46,9 @@ mod tests {
         assert_eq!(DocumentKind::of(&json!({"base": {}, "factors": []})), DocumentKind::Sweep);
         assert_eq!(DocumentKind::of(&json!({"base": {}, "factors": [], "goal": {}})), DocumentKind::Study);
         assert_eq!(DocumentKind::of(&json!([])), DocumentKind::Scenario);
+        for schema in ["roost.measurements/1", "roost.measurements/9"] {
+            assert_eq!(DocumentKind::of(&json!({ "schema": schema })), DocumentKind::Measurements);
+        }
+        assert_eq!(DocumentKind::of(&json!({"name": "", "tests": []})), DocumentKind::Measurements);
     }
 }

@@ -18,6 +18,7 @@ mod forecast;
 mod frames;
 mod interval;
 mod list;
+mod measurements;
 mod meshes;
 mod openapi;
 mod output;

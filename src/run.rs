@@ -61,6 +61,9 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         DocumentKind::Study => {
             Some("study; `roost run` takes one scenario, and `roost study run` takes studies")
         }
+        DocumentKind::Measurements => Some(
+            "document of measurements; `roost run` takes one scenario, and `roost validate` checks measurements",
+        ),
         DocumentKind::Scenario | DocumentKind::Job => None,
     };
     if let Some(other) = other {

@@ -55,10 +55,14 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let resolved = meshes::resolve(&args.file, input::read_document(&args.file)?).checked(&args.file)?;
     let mut document = resolved.document.clone();
     let kind = DocumentKind::of(&document);
-    if kind == DocumentKind::Study {
+    let other = match kind {
+        DocumentKind::Study => Some("study; `roost study submit` takes studies"),
+        DocumentKind::Measurements => Some("document of measurements; `roost validate` checks measurements"),
+        DocumentKind::Scenario | DocumentKind::Job | DocumentKind::Sweep => None,
+    };
+    if let Some(other) = other {
         let name = input::display_name(&args.file);
-        let text = format!("{name} is a study; `roost study submit` takes studies");
-        return Err(BadInput(text).into());
+        return Err(BadInput(format!("{name} is a {other}")).into());
     }
     if kind == DocumentKind::Scenario {
         document = json!({ "scenario": document });

@@ -12,16 +12,19 @@ use serde_json::json;
 
 use crate::document::DocumentKind;
 use crate::meshes::{self, Resolved};
-use crate::{forecast, target};
+use crate::{forecast, measurements, target};
 
-/// Check a scenario, a sweep or a study without simulating it
+/// Check a scenario, a sweep, a study or measurements without simulating
 ///
 /// Prints the cost (sub-particles, steps, memory), a description of its meshes, and a forecast of runs, hours of processor time and
 /// the time of completion as ranges: on the processors of this machine, or with `--server` on the workers of a server. For an invalid
 /// document, prints every fault with its JSON pointer, the value and the allowed values.
+///
+/// Of measurements, prints the tests and their numbers in the units of the results, and no cost.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// JSON file with a scenario, a sweep (which has a `base`) or a study (which has a `goal`); `-` reads stdin
+    /// JSON file with a scenario, a sweep (which has a `base`), a study (which has a `goal`) or measurements (which have `tests`); `-`
+    /// reads stdin
     file: PathBuf,
     #[command(flatten)]
     server: target::OptionalServer,
@@ -36,6 +39,12 @@ pub(crate) async fn execute(args: Args, is_study: bool) -> Result<Exit> {
     if is_study && DocumentKind::of(&document) != DocumentKind::Study {
         let name = input::display_name(&args.file);
         return Err(BadInput(format!("{name} is no study: a study has a `goal` and a `base`")).into());
+    }
+    if DocumentKind::of(&document) == DocumentKind::Measurements {
+        return match measurements::read(&args.file, document) {
+            Ok(lab) => measurements::print(&args.file, &lab, args.json).map(|()| Exit::Done),
+            Err(faults) => report_faults(&args, &faults),
+        };
     }
     let resolved = meshes::resolve(&args.file, document).without_server();
     let max_jobs = ServerConfig::default().max_jobs_per_sweep;
