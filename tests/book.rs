@@ -172,6 +172,19 @@ fn an_own_product_runs() {
 }
 
 #[test]
+fn measurements_are_checked() {
+    let sandbox = Sandbox::new();
+    let page = "docs/howto/measurements.md";
+    // The curve's last number in the unit of the result, as the page has it.
+    let (replaced, printed) =
+        (("roost validate lab.json", "roost validate lab.json > report"), "mean 450 Pa");
+    run(&sandbox, page, "measurements_are_checked", &[replaced], "");
+    let report = std::fs::read_to_string(sandbox.path("report")).unwrap();
+    let text = std::fs::read_to_string(root().join(page)).unwrap();
+    assert!(report.contains(printed) && text.contains(printed), "{report}");
+}
+
+#[test]
 fn a_sweep_gets_more_replicates() {
     let sandbox = Sandbox::new();
     let _server = sandbox.start_server();
