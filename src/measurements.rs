@@ -85,7 +85,7 @@ fn insert_table(folder: &Path, at: String, curve: &mut Map<String, Value>) -> Op
     Some(CurveFile { curve: at, fault })
 }
 
-/// Reads a text within the maximum size, without the byte order mark that spreadsheets write.
+/// Reads a text within the maximum size.
 fn read_text(path: &Path) -> Result<String, String> {
     let mut text = String::new();
     let read = File::open(path).and_then(|file| file.take(MAX_BYTES as u64 + 1).read_to_string(&mut text));
@@ -94,7 +94,7 @@ fn read_text(path: &Path) -> Result<String, String> {
         let maximum = format::bytes(MAX_BYTES as u64);
         return Err(format!("{} is larger than the maximum of {maximum}", path.display()));
     }
-    Ok(text.strip_prefix('\u{feff}').unwrap_or(&text).to_owned())
+    Ok(text)
 }
 
 /// Prints the tests and their numbers, in the units of the results that they are compared with.

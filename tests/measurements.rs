@@ -10,6 +10,7 @@ use support::{Sandbox, run, stdout, transcript};
 
 const CURVE: &str = "/tests/0/measured/curves/0";
 const MODULUS: &str = "/tests/0/measured/responses/0";
+/// As spreadsheets write it: with a byte order mark.
 const SOUND_CSV: &str = "\u{feff}x,mean,deviation,n\r\n0.01,0.1,0.02,3\r\n0.03,0.4,0.05,3\r\n";
 
 /// A block that was compressed with a curve in `curve.csv`, and a fillet that slid.
