@@ -91,3 +91,38 @@ fn spoilt_documents_are_refused_with_pointer_and_reason() {
     refused(&set(format!("{CURVE}/y"), json!("force")), &format!("{CURVE}/y"), "stress");
     refused(&set("/tests/1/measured".to_owned(), json!({})), "/tests/1/measured", "nothing was measured");
 }
+
+#[test]
+fn contradictory_numbers_are_refused() {
+    const MEASURED: &str = "/tests/1/measured";
+    let angle = |more: Value| {
+        move |document: &mut Value| {
+            let angle = document.pointer_mut(&format!("{MEASURED}/responses/0")).unwrap();
+            angle.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+        }
+    };
+    let at = |name: &str| format!("{MEASURED}/responses/0{name}");
+    refused(&angle(json!({"mean": 26.0})), &at("/mean"), "left out beside `values`");
+    refused(&angle(json!({"deviation": 2.0})), &at("/deviation"), "left out beside several");
+    refused(&angle(json!({"values": []})), &at("/values"), "at least one");
+    refused(&angle(json!({"values": [24.0]})), &at("/deviation"), "a single value");
+    refused(&angle(json!({"values": null, "n": 3, "deviation": 1.0})), &at("/mean"), "is missing");
+    let share = json!({"response": "slid", "unit": null, "values": [0.0, 4.0]});
+    refused(&angle(share), &at("/mean"), "0 to 100 %");
+    let twice = |document: &mut Value| {
+        let responses =
+            document.pointer_mut(&format!("{MEASURED}/responses")).unwrap().as_array_mut().unwrap();
+        responses.push(responses[0].clone());
+    };
+    refused(&twice, &format!("{MEASURED}/responses/1"), "measured twice");
+    let both = |document: &mut Value| {
+        let point = json!({"x": 0.01, "mean": 1.0, "deviation": 0.1, "n": 3});
+        document["tests"][0]["measured"]["curves"][0]["points"] = json!([point]);
+    };
+    refused(&both, "/tests/0/measured/curves/0", "either `points` or `table`");
+    let long = |document: &mut Value| {
+        document["tests"][0]["conditions"] = json!({"a".repeat(257): "dry"});
+    };
+    refused(&long, "/tests/0/conditions", "256");
+    refused(&|document| document["schema"] = json!("roost.measurements/2"), "/schema", "unknown schema");
+}
