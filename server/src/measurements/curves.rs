@@ -8,11 +8,14 @@ use roost_solver::scenario::{Experiment, Scenario};
 use serde_json::{Value, json};
 
 use super::replicates::{Replicates, checked_deviation};
-use super::{Target, unit_factor};
-use crate::document::fault;
+use super::{SMALLER, Target, too_large, unit_conversion};
+use crate::document::{MAX_FAULTS, fault};
 
 /// Maximum number of points of a curve.
 const MAX_POINTS: usize = 1000;
+/// Maximum number of characters that a fault shows of a line.
+const MAX_SHOWN: usize = 100;
+const LINE_BREAKS: [char; 2] = ['\r', '\n'];
 /// Columns of a table.
 const COLUMNS: [&str; 4] = ["x", "mean", "deviation", "n"];
 
@@ -46,7 +49,7 @@ impl Place {
     }
 }
 
-/// The targets of a curve, one for each point, or its faults.
+/// The targets of a curve, one for each point, or its first faults.
 pub(super) fn read(
     at: &str,
     curve: &MeasuredCurve,
@@ -54,12 +57,30 @@ pub(super) fn read(
     outputs: &'static Outputs,
     faults: &mut Vec<Fault>,
 ) -> Vec<Target> {
-    let before = faults.len();
+    let mut found = Vec::new();
+    let targets = read_all(at, curve, scenario, outputs, &mut found);
+    found.truncate(MAX_FAULTS);
+    faults.extend(found);
+    targets
+}
+
+fn read_all(
+    at: &str,
+    curve: &MeasuredCurve,
+    scenario: &Scenario,
+    outputs: &'static Outputs,
+    faults: &mut Vec<Fault>,
+) -> Vec<Target> {
     let points = points(at, curve, faults);
-    if faults.len() == before && (points.is_empty() || points.len() > MAX_POINTS) {
-        let pointer = if curve.table.is_some() { format!("{at}/table") } else { format!("{at}/points") };
+    if faults.is_empty() && (points.is_empty() || points.len() > MAX_POINTS) {
+        // The rest of a longer table was not read.
+        let (pointer, number) = match curve.table {
+            Some(_) if points.len() > MAX_POINTS => ("table", json!(format!("more than {MAX_POINTS}"))),
+            Some(_) => ("table", json!(0)),
+            None => ("points", json!(points.len())),
+        };
         let allowed = format!("1 to {MAX_POINTS}");
-        faults.push(fault(&pointer, json!(points.len()), "unsuitable number of points", &allowed));
+        faults.push(fault(&format!("{at}/{pointer}"), number, "unsuitable number of points", &allowed));
     }
     let replicates: Vec<_> = points.iter().map(|point| replicates(at, point, faults)).collect();
     for pair in points.windows(2) {
@@ -70,24 +91,46 @@ pub(super) fn read(
         }
     }
     let Some(line) = line(at, curve, outputs, faults) else { return Vec::new() };
-    let x_factor = unit_factor(&format!("{at}/x_unit"), curve.x_unit.as_deref(), line.along.unit, faults);
-    let y_factor = unit_factor(&format!("{at}/y_unit"), curve.y_unit.as_deref(), line.of.unit, faults);
-    let (Some(x_factor), Some(y_factor)) = (x_factor, y_factor) else { return Vec::new() };
+    let x_unit = unit_conversion(&format!("{at}/x_unit"), curve.x_unit.as_deref(), line.along.unit, faults);
+    let y_unit = unit_conversion(&format!("{at}/y_unit"), curve.y_unit.as_deref(), line.of.unit, faults);
+    let (Some(x_unit), Some(y_unit)) = (x_unit, y_unit) else { return Vec::new() };
     let reach = reach(&line, scenario);
     let mut targets = Vec::new();
     for (point, replicates) in points.iter().zip(replicates) {
-        let x = point.point.x * x_factor;
-        if let Some((end, field)) = reach.filter(|(end, _)| x > *end) {
-            let detail = format!("the simulated test ends at {end}, by `{field}`");
-            let allowed = format!("at most {end}, or another `{field}` in the scenario");
+        let x = x_unit.of(point.point.x);
+        if let Some((detail, allowed)) = x_fault(x, &line, reach) {
             faults.push(point.place.fault(at, "x", json!(point.point.x), &detail, &allowed));
+            continue;
         }
-        targets.extend(replicates.map(|replicates| {
-            let Replicates { mean, deviation, n } = replicates.times(y_factor);
-            Target { observable: Observable::Point { line, at: x }, mean, deviation, n }
-        }));
+        let Some(replicates) = replicates else { continue };
+        let converted = replicates.converted(y_unit);
+        if let Some(name) = converted.overflow() {
+            let written = if name == "mean" { replicates.mean } else { replicates.deviation };
+            faults.push(point.place.fault(at, name, json!(written), &too_large(line.of.unit), SMALLER));
+            continue;
+        }
+        let Replicates { mean, deviation, n } = converted;
+        targets.push(Target { observable: Observable::Point { line, at: x }, mean, deviation, n });
     }
     targets
+}
+
+/// Why a place along a line is refused, and what is allowed.
+fn x_fault(x: f64, line: &Line, reach: Option<(f64, &str)>) -> Option<(String, String)> {
+    if !x.is_finite() {
+        return Some((too_large(line.along.unit), SMALLER.to_owned()));
+    }
+    let (end, field) = reach?;
+    let spaced = if line.along.unit.is_empty() { "" } else { " " };
+    let end_text = format!("{end}{spaced}{}", line.along.unit);
+    if x < 0.0 {
+        Some(("the simulated test starts at 0".to_owned(), format!("0 to {end_text}")))
+    } else if x > end {
+        let detail = format!("the simulated test ends at {end_text}, by `{field}`");
+        Some((detail, format!("0 to {end_text}, or another `{field}` in the scenario")))
+    } else {
+        None
+    }
 }
 
 fn replicates(at: &str, point: &Point, faults: &mut Vec<Fault>) -> Option<Replicates> {
@@ -156,8 +199,13 @@ fn points_of_table(at: &str, table: &str, faults: &mut Vec<Fault>) -> Vec<Point>
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(table.as_bytes());
     let headings: Vec<String> =
         reader.headers().map(|line| line.iter().map(str::to_owned).collect()).unwrap_or_default();
-    let before = faults.len();
-    for heading in headings.iter().filter(|heading| !COLUMNS.contains(&heading.as_str())) {
+    // Such as the first numbers of a file without headings: one fault in place of one for each cell and column.
+    if !headings.iter().any(|heading| COLUMNS.contains(&heading.as_str())) {
+        let detail = "the first line has no headings";
+        faults.push(fault(&pointer, json!(headings), detail, "x,mean,deviation,n"));
+        return Vec::new();
+    }
+    for heading in headings.iter().filter(|heading| !COLUMNS.contains(&heading.as_str())).take(MAX_FAULTS) {
         faults.push(fault(&pointer, json!(heading), "unknown column", &COLUMNS.join(", ")));
     }
     for column in COLUMNS {
@@ -173,20 +221,37 @@ fn points_of_table(at: &str, table: &str, faults: &mut Vec<Fault>) -> Vec<Point>
             }
         }
     }
-    if faults.len() > before {
+    if !faults.is_empty() {
         return Vec::new();
     }
     let mut points = Vec::new();
-    for record in reader.records() {
+    // The line of the byte `counted`, from 1. That of the reader lags behind after `\r\n` and blank lines.
+    let (mut line, mut counted) = (1, 0);
+    for record in reader.records().take(MAX_POINTS + 1) {
+        if faults.len() >= MAX_FAULTS {
+            break;
+        }
+        let position = match &record {
+            Ok(record) => record.position(),
+            Err(error) => error.position(),
+        };
+        let byte = position.map_or(counted, |position| position.byte() as usize);
+        let rest = table.get(byte..).unwrap_or("").trim_start_matches(LINE_BREAKS);
+        let start = table.len() - rest.len();
+        line += table.get(counted..start).map_or(0, line_breaks);
+        counted = start;
         let record = match record {
             Ok(record) => record,
             Err(error) => {
+                let text: String =
+                    rest.split(LINE_BREAKS).take(1).flat_map(str::chars).take(MAX_SHOWN).collect();
+                let detail = format!("line {line}: {}", unreadable(&error));
                 let allowed = "as many cells in each line as in the first";
-                faults.push(fault(&pointer, json!(table.len()), &error.to_string(), allowed));
-                break;
+                faults.push(fault(&pointer, json!(text), &detail, allowed));
+                continue;
             }
         };
-        let place = Place::Line(record.position().map_or(0, csv::Position::line));
+        let place = Place::Line(line);
         let cell = |name: &str| {
             headings
                 .iter()
@@ -214,4 +279,19 @@ fn points_of_table(at: &str, table: &str, faults: &mut Vec<Fault>) -> Vec<Point>
         }
     }
     points
+}
+
+/// The number of line breaks of a text that does not end within one.
+fn line_breaks(text: &str) -> u64 {
+    (text.matches(LINE_BREAKS).count() - text.matches("\r\n").count()) as u64
+}
+
+/// Why a record cannot be read.
+fn unreadable(error: &csv::Error) -> String {
+    match error.kind() {
+        csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
+            format!("{len} cells in place of {expected_len}")
+        }
+        _ => error.to_string(),
+    }
 }

@@ -21,12 +21,17 @@ use roost_solver::observable::Observable;
 use roost_solver::scenario::{self, Scenario, most_similar};
 use serde_json::{Value, json};
 
-use crate::document::{fault, label_faults_at, name_fault, prefixed, read_leniently, with_content_faults};
+use crate::document::{
+    MAX_FAULTS, fault, label_faults_at, name_fault, prefixed, read_leniently, with_content_faults,
+};
 use crate::mesh;
 use replicates::Replicates;
+use units::Conversion;
 
 /// Maximum number of tests of a document.
 const MAX_TESTS: usize = 100;
+/// What a number may be that overflows.
+const SMALLER: &str = "a smaller number";
 
 /// Measurements that runs can be compared with.
 #[derive(Clone, Debug, PartialEq)]
@@ -175,29 +180,81 @@ fn read_response(
         faults.push(fault(&pointer, json!(measured.response), &detail, &names.join(", ")));
         return None;
     };
-    let factor = unit_factor(&format!("{at}/unit"), measured.unit.as_deref(), observable.unit(), faults)?;
-    let Replicates { mean, deviation, n } = replicates?.times(factor);
-    let is_share = |kind| matches!(kind, ResponseType::Indicator | ResponseType::Boolean);
-    if let Observable::Response(response) = &observable
-        && is_share(response.kind)
-        && !(0.0..=1.0).contains(&mean)
-    {
-        let detail = "the mean of a yes or no is the share of yes";
-        faults.push(fault(&format!("{at}/mean"), json!(mean), detail, "0 to 1, or 0 to 100 %"));
-        return None;
+    let own = observable.unit();
+    let conversion = unit_conversion(&format!("{at}/unit"), measured.unit.as_deref(), own, faults)?;
+    let replicates = replicates?.converted(conversion);
+    let before = faults.len();
+    match &observable {
+        Observable::Response(response)
+            if matches!(response.kind, ResponseType::Indicator | ResponseType::Boolean) =>
+        {
+            faults.extend(share_faults(at, measured, conversion));
+        }
+        _ => {}
     }
-    Some(Target { observable, mean, deviation, n })
+    if faults.len() == before
+        && let Some(name) = replicates.overflow()
+    {
+        faults.push(overflow_fault(at, measured, name, own));
+    }
+    let Replicates { mean, deviation, n } = replicates;
+    (faults.len() == before).then_some(Target { observable, mean, deviation, n })
 }
 
-/// The factor from a written unit to that of the table of results.
-fn unit_factor(at: &str, written: Option<&str>, own: &str, faults: &mut Vec<Fault>) -> Option<f64> {
-    let factor = units::factor(written.unwrap_or(""), own);
-    if factor.is_none() {
+/// The faults of a yes or no: each value is 0 or 1, and a mean is the share of yes.
+fn share_faults(at: &str, measured: &MeasuredResponse, conversion: Conversion) -> Vec<Fault> {
+    let Some(values) = &measured.values else {
+        let odd = measured.mean.filter(|mean| !(0.0..=1.0).contains(&conversion.of(*mean)));
+        let detail = "the mean of a yes or no is the share of yes";
+        let allowed = "0 to 1, or 0 to 100 %";
+        return odd
+            .map(|mean| fault(&format!("{at}/mean"), json!(mean), detail, allowed))
+            .into_iter()
+            .collect();
+    };
+    let is_odd = |value: f64| ![0.0, 1.0].contains(&conversion.of(value));
+    let odd = values.iter().enumerate().filter(|(_, value)| is_odd(**value)).take(MAX_FAULTS);
+    let fault = |(index, value): (usize, &f64)| {
+        let pointer = format!("{at}/values/{index}");
+        fault(&pointer, json!(value), "each value of a yes or no is no or yes", "0 or 1, or 0 or 100 %")
+    };
+    odd.map(fault).collect()
+}
+
+/// The fault of a response whose mean or deviation overflows: of the number as stated, or of the largest value.
+fn overflow_fault(at: &str, measured: &MeasuredResponse, name: &str, own: &str) -> Fault {
+    let values = measured.values.iter().flatten().enumerate();
+    let largest = values.max_by(|(_, one), (_, other)| one.abs().total_cmp(&other.abs()));
+    let (place, value) = match largest {
+        Some((index, value)) if name == "mean" || measured.deviation.is_none() => {
+            (format!("values/{index}"), Some(*value))
+        }
+        _ if name == "mean" => (name.to_owned(), measured.mean),
+        _ => (name.to_owned(), measured.deviation),
+    };
+    fault(&format!("{at}/{place}"), json!(value), &too_large(own), SMALLER)
+}
+
+/// Why a number that overflows is refused.
+fn too_large(own: &str) -> String {
+    let unit = if own.is_empty() { String::new() } else { format!(" in {own}") };
+    format!("is too large to compute with{unit}")
+}
+
+/// The conversion from a written unit to that of the table of results.
+fn unit_conversion(
+    at: &str,
+    written: Option<&str>,
+    own: &str,
+    faults: &mut Vec<Fault>,
+) -> Option<Conversion> {
+    let conversion = units::conversion(written.unwrap_or(""), own);
+    if conversion.is_none() {
         let detail = match written {
             Some(_) => "this quantity is not measured in that unit",
             None => "the unit is missing",
         };
         faults.push(fault(at, json!(written), detail, &units::allowed(own)));
     }
-    factor
+    conversion
 }

@@ -5,6 +5,7 @@ use roost_api::measurements::MeasuredResponse;
 use roost_stats::Sample;
 use serde_json::{Value, json};
 
+use super::units::Conversion;
 use crate::document::fault;
 
 /// Replicates of one number, in the unit as written.
@@ -16,9 +17,16 @@ pub(super) struct Replicates {
 }
 
 impl Replicates {
-    /// The same in another unit.
-    pub(super) fn times(self, factor: f64) -> Self {
-        Self { mean: self.mean * factor, deviation: self.deviation * factor, n: self.n }
+    /// The same in another unit; infinite numbers if they overflow.
+    pub(super) fn converted(self, conversion: Conversion) -> Self {
+        let [mean, deviation] = [self.mean, self.deviation].map(|number| conversion.of(number));
+        Self { mean, deviation, n: self.n }
+    }
+
+    /// The first number that overflowed, by name.
+    pub(super) fn overflow(&self) -> Option<&'static str> {
+        let numbers = [("mean", self.mean), ("deviation", self.deviation)];
+        numbers.into_iter().find(|(_, number)| !number.is_finite()).map(|(name, _)| name)
     }
 
     /// The replicates of a measured response: from its values, or as stated.
