@@ -6,7 +6,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use roost_api::Fault;
-use roost_design::{ExcludedPoint, Point, Proposal};
+use roost_design::{ExcludedPoint, Goal, Point};
 use serde::Deserialize;
 use serde_json::Value;
 
@@ -40,13 +40,22 @@ impl Study {
         points.collect()
     }
 
-    /// The points of proposals whose scenarios have faults.
-    pub(super) fn refused(&self, proposals: &[Proposal]) -> BTreeMap<Point, Vec<Fault>> {
-        let points: BTreeSet<&Point> = proposals.iter().map(|proposal| &proposal.point).collect();
+    /// Those of some points whose scenarios have faults.
+    pub(super) fn refused<'a>(
+        &self,
+        points: impl IntoIterator<Item = &'a Point>,
+    ) -> BTreeMap<Point, Vec<Fault>> {
+        let points: BTreeSet<&Point> = points.into_iter().collect();
         let refused = points.into_iter().filter_map(|point| {
             let made = self.points.at_values(point.levels(&self.question.factors));
             Some((point.clone(), made.err()?))
         });
         refused.collect()
+    }
+
+    /// The points of an estimate; none for another goal.
+    pub(super) fn estimated_points(&self) -> Vec<Point> {
+        let Goal::Estimate(goal) = &self.question.goal else { return Vec::new() };
+        goal.points.iter().filter_map(|values| Point::of_run(&self.question.factors, values)).collect()
     }
 }

@@ -115,7 +115,7 @@ impl Study {
     ///
     /// # Errors
     ///
-    /// The faults of the last decision, when [`MAX_ROUNDS`] decisions have proposed points with faults.
+    /// The faults of a point, when [`MAX_ROUNDS`] decisions have found no point without faults.
     pub(crate) fn decide(
         &self,
         trials: &[TrialRow],
@@ -125,14 +125,20 @@ impl Study {
         let mut known = self.known(trials, observations);
         let mut rounds = 1;
         let decision = loop {
-            let decision = decide(&self.question, &known.evidence, wanted, self.seed);
-            let refused = self.refused(&decision.proposals);
+            let mut decision = decide(&self.question, &known.evidence, wanted, self.seed);
+            let mut refused = self.refused(decision.proposals.iter().map(|proposal| &proposal.point));
             if refused.is_empty() {
                 break decision;
             }
             if rounds == MAX_ROUNDS {
-                return Err(refused.into_values().next().unwrap_or_default());
+                decision.proposals.retain(|proposal| !refused.contains_key(&proposal.point));
+                if decision.proposals.is_empty() {
+                    return Err(refused.into_values().next().unwrap_or_default());
+                }
+                break decision;
             }
+            // The points of an estimate are known beforehand.
+            refused.extend(self.refused(&self.estimated_points()));
             rounds += 1;
             let reason = |faults: Vec<Fault>| faults.first().map(ToString::to_string).unwrap_or_default();
             let impossible = refused.into_iter().map(|(point, faults)| (point, reason(faults)));

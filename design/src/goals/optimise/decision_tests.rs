@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::{ConfirmationState, FIRST_CONFIRMATION, Obstacle, OptimiseAnswer};
-use crate::{Decision, Evidence, Finding, Finished, Outcome, Point, Question, Run, decide};
+use crate::{Decision, Evidence, Finding, Finished, Outcome, Point, Proposal, Question, Run, decide};
 
 fn question(factors: usize, goal: &Value, budget: &Value) -> Question {
     let factor = |index: usize| json!({"name": format!("/x{index}"), "low": 0.0, "high": 1.0});
@@ -119,17 +119,43 @@ fn an_infeasible_study_recommends_nothing() {
     let (runs, decision) = play(&question(1, &goal(None), &json!({"max_runs": 400})), jams(0.5));
     assert_eq!(decision.finished, Some(Finished::NothingLeft));
     let found = finding(&decision);
-    println!("{} runs, {} attempts, {:?}", runs.len(), found.attempts, found.nearest);
     assert!(found.recommended.is_empty(), "{:?}", states(&decision));
     assert_eq!(found.obstacle, Some(Obstacle::Nowhere));
     let nearest = found.nearest.as_ref().expect("a point that is nearest to hold");
     assert!(nearest.assurance < 0.05 && nearest.constraints[0].low > 0.2, "{nearest:?}");
-    assert!(runs.len() < 200, "half of the budget and more is left: {}", runs.len());
+    assert_eq!(found.attempts, 0);
+    assert!(runs.len() > 200, "the search has the runs: {}", runs.len());
     // A little below the limit a confirmation is worth its runs.
     let (_, decision) = play(&question(1, &goal(Some(23)), &json!({"max_runs": 300})), jams(0.15));
     assert_eq!(decision.finished, Some(Finished::NothingLeft));
     let found = finding(&decision);
     assert_eq!((found.attempts, found.obstacle), (3, Some(Obstacle::ConfirmationRuns)));
+}
+
+#[test]
+fn a_search_goes_on_until_it_finds_a_feasible_corner() {
+    // None of the first 20 points is in the corner where the constraint holds.
+    let goal = json!({
+        "objectives": [{"minimise": {"mean": "y"}}],
+        "constraints": [{"of": {"mean": "load"}, "at_most": 0.2}],
+    });
+    let question = question(3, &goal, &json!({"max_runs": 400}));
+    let mut runs: Vec<Run> = Vec::new();
+    let decision = loop {
+        let decision = decide(&question, &Evidence::new(runs.iter().cloned()), 10, 1);
+        if decision.finished.is_some() {
+            break decision;
+        }
+        runs.extend(decision.proposals.into_iter().map(|Proposal { point, replicate }| {
+            let x = point.coordinates();
+            let noise = 0.002 * (0.618_033_988_7 * f64::from(replicate)).fract();
+            let (load, y) = (x.iter().sum::<f64>() + noise, -x[0]);
+            Run { point, replicate, outcome: responses(&[("load", load), ("y", y)]) }
+        }));
+    };
+    let load = |run: &Run| run.point.coordinates().iter().sum::<f64>();
+    assert!(runs[..40].iter().all(|run| load(run) > 0.2));
+    assert_eq!(states(&decision), [Some(ConfirmationState::Confirmed)]);
 }
 
 #[test]

@@ -134,8 +134,7 @@ pub enum Obstacle {
     MissingResponses,
     /// Every point that could be confirmed has failed, or lies beside one that has.
     NoCandidate,
-    /// No point is worth a confirmation: by the models each would pass with less than 5 %. Either some constraint is broken at every
-    /// point with 95 % confidence, or the search has no more runs.
+    /// The search has no more runs, and no point is worth a confirmation: by the models each would pass with less than 5 %.
     Nowhere,
     /// The question's `confirmation_runs` are too few for a further attempt.
     ConfirmationRuns,
@@ -258,8 +257,8 @@ pub(super) fn decide(goal: &Optimise, study: &Study<'_>) -> Course {
             answer.expected_improvement = improvement;
         }
         let is_small = improvement.is_some_and(|improvement| improvement < goal.tolerance);
-        // Where no point is worth a confirmation, every improvement is small: the search goes on while the constraints may hold somewhere.
-        is_over = if is_hopeless { improvement.is_some() && outlook.is_nowhere() } else { is_small };
+        // Where no point is worth a confirmation, every improvement is small: the search goes on while it has runs.
+        is_over = if is_hopeless { improvement.is_some() && course.proposals.is_empty() } else { is_small };
     }
     if is_over {
         if is_searching {

@@ -159,15 +159,6 @@ impl<'a> Outlook<'a> {
             && self.nearest().is_some_and(|point| point.assurance < HOPELESS)
     }
 
-    /// Whether at every point without a confirmation some constraint is broken by the 95 % interval of the models.
-    pub(super) fn is_nowhere(&self) -> bool {
-        let is_broken = |(constraint, forecast): (&Constraint, &Forecast)| {
-            constraint.at_most.is_some_and(|limit| forecast.low > limit)
-                || constraint.at_least.is_some_and(|limit| forecast.high < limit)
-        };
-        self.fresh().iter().all(|point| self.goal.constraints.iter().zip(&point.constraints).any(is_broken))
-    }
-
     /// The point without a confirmation that would most probably pass one.
     fn nearest(&self) -> Option<&Considered<'a>> {
         let fresh = self.fresh();

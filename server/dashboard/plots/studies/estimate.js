@@ -36,7 +36,7 @@ function estimatePlot({ points, i, name, width, factors, is_share }) {
       { title: "Runs", is_number: true, cell: ({ measures }) => measures[i].estimated?.n ?? 0 },
       { title: "Estimate", is_number: true, cell: ({ measures }) => number(measures[i].estimated?.value) },
       { title: "95 % interval", is_number: true, cell: ({ measures }) => intervalText(measures[i].estimated) },
-      { title: "Narrow enough", cell: ({ measures, is_excluded }) => (is_excluded ? "left out: its runs fail" : measures[i].is_narrow ? "yes" : "no") },
+      { title: "Narrow enough", cell: ({ measures, is_excluded }) => (is_excluded ? "left out" : measures[i].is_narrow ? "yes" : "no") },
     ], points),
   };
 }

@@ -140,9 +140,17 @@ fn excluded(study: &Study, excluded: &[ExcludedPoint]) -> Vec<String> {
     }
     if let Some(reason) = impossible.first().and_then(|point| point.impossible.as_ref()) {
         let points = if impossible.len() == 1 { "1 point" } else { &format!("{} points", impossible.len()) };
+        let shown = if impossible.len() > MAX_STATED { ", among them" } else { ":" };
         let places = list(&places(&impossible));
-        sentences.push(format!("Left out because no scenario has these values, {points}: {places}."));
+        sentences
+            .push(format!("Left out because no scenario has their values are {points}{shown} {places}."));
         sentences.push(format!("The first of these faults: {reason}."));
+        if matches!(study.question.goal, Goal::Sensitivity(_)) {
+            sentences.push(
+                "Without these points the factors are not independent: their indices and intervals are only a guide."
+                    .to_owned(),
+            );
+        }
     }
     sentences
 }

@@ -27,22 +27,24 @@ pub(super) fn sentences(study: &Study, finding: &OptimiseAnswer) -> Vec<String> 
             Obstacle::NoCandidate => {
                 "every point that could be confirmed has failed, or lies beside one that has"
             }
-            Obstacle::Nowhere => "nowhere in the range would a point pass a confirmation, by the models",
+            Obstacle::Nowhere => {
+                "its runs are spent and, by the models, no point would probably pass a confirmation"
+            }
             Obstacle::ConfirmationRuns => "`confirmation_runs` are too few for a further attempt",
         };
         sentences.push(format!("The search ended because {why}."));
     }
-    if let Some(point) = &finding.nearest {
+    if let Some(point) = finding.nearest.as_ref().filter(|point| !point.constraints.is_empty()) {
         let forecasts: Vec<String> = point.constraints.iter().map(forecast).collect();
         sentences.push(format!(
-            "The constraints are nearest to hold at {}: {}.",
+            "The constraints come nearest to holding at {}: {}.",
             place(study, &point.values),
             list(&forecasts)
         ));
     }
     if finding.attempts > 1 {
         sentences.push(format!(
-            "Of {} attempts at a confirmation, all together are wrong about a point with at most 5 %.",
+            "The {} attempts at a confirmation together recommend a wrong point with a probability of at most 5 %.",
             finding.attempts
         ));
     }
