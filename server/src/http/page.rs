@@ -144,7 +144,8 @@ impl RowRange {
         self.next += rows;
         // None exceeds the number of points, of replicates, or `limit`, which are u32.
         let place = match self.is_even {
-            true => TrialPlace { from: (first.0 as u32, first.1 as u32), skip: 0 },
+            // Replicates of a study need not begin at 0: rows of the point are skipped, whatever their replicates.
+            true => TrialPlace { from: (first.0 as u32, 0), skip: first.1 as u32 },
             false => TrialPlace { from: (0, 0), skip: first.1 as u32 },
         };
         (rows > 0).then_some((place, rows as u32))
@@ -160,5 +161,18 @@ pub(crate) fn link_to_next(response: &mut Response, uri: &Uri, cursor: Option<&s
     let link = format!("<{}?{}>; rel=\"next\"", uri.path(), query.join("&"));
     if let Ok(link) = HeaderValue::try_from(link) {
         response.headers_mut().insert(header::LINK, link);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{RowRange, TrialPlace};
+
+    #[test]
+    fn a_page_within_a_point_skips_rows_whatever_their_replicates() {
+        // The replicates of a study that began with earlier runs are, for instance, 6 to 9.
+        let mut rows = RowRange::new(2, 4, Some("1.3"), Some(7), 100).unwrap_or_else(|_| panic!("a range"));
+        assert_eq!(rows.take(16), Some((TrialPlace { from: (1, 0), skip: 3 }, 1)));
+        assert_eq!((rows.take(16), rows.next_cursor()), (None, None));
     }
 }
