@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::evidence::{Evidence, Point};
-use crate::goals::{BoundaryAnswer, EstimateAnswer, OptimiseAnswer, SensitivityAnswer};
+use crate::goals::{BoundaryAnswer, CalibrateAnswer, EstimateAnswer, OptimiseAnswer, SensitivityAnswer};
 use crate::usable::UnusableResponses;
 
 /// A run that comes next.
@@ -98,4 +98,6 @@ pub enum Finding {
     Optimise(OptimiseAnswer),
     /// Goal `sensitivity`.
     Sensitivity(SensitivityAnswer),
+    /// Goal `calibrate`.
+    Calibrate(CalibrateAnswer),
 }

@@ -9,10 +9,11 @@
 //! | `boundary` of a mean | the first design |
 //! | `optimise` | the smallest first design, and a confirmation that succeeds at its first look |
 //! | `sensitivity` | the rows of the first look |
+//! | `calibrate` | the first design of each test |
 //!
 //! Zero jams in n runs exclude a probability p with 95 % confidence if (1 − p)ⁿ ≤ 0.05: 59 runs for p = 0.05.
 
-use crate::goals::{boundary, optimise, sensitivity};
+use crate::goals::{boundary, calibrate, optimise, sensitivity};
 use crate::intervals::{CONFIDENCE, MIN_MEAN_RUNS, confidence_sequence};
 use crate::question::{Goal, Measure, Question};
 
@@ -36,6 +37,7 @@ pub fn least_runs(question: &Question) -> usize {
         }
         Goal::Optimise(goal) => optimise::least_runs(goal, question.factors.len()),
         Goal::Sensitivity(goal) => sensitivity::least_runs(goal, question),
+        Goal::Calibrate(_) => calibrate::least_runs(question),
     }
 }
 

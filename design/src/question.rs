@@ -6,7 +6,7 @@ use serde_json::Value;
 use crate::evidence::PointRuns;
 use crate::factor::Factor;
 use crate::fault::{Fault, fault};
-use crate::goals::{Boundary, Estimate, Optimise, Sensitivity};
+use crate::goals::{Boundary, Calibrate, Estimate, Optimise, Sensitivity};
 
 /// Number of results without a usable response after which a point is excluded. A response that four runs in ten have, for
 /// instance the time of a jam, is missing in all of them by chance in 0.6 % of the points.
@@ -36,6 +36,8 @@ pub enum Goal {
     Optimise(Optimise),
     /// Shares of the factors in the variance of a response.
     Sensitivity(Sensitivity),
+    /// Parameters by measurements, with their uncertainty.
+    Calibrate(Calibrate),
 }
 
 /// A quantity of the runs at a point, for instance `{"probability": "jammed"}` or `{"mean": "rate_kg_s"}`.
@@ -72,13 +74,15 @@ impl Measure {
 }
 
 impl Goal {
-    /// The measures of the goal, without repetition.
+    /// The measures of the goal that every run is to have, without repetition. A calibration has none: the tests differ, and a run without a
+    /// measured number tells something.
     pub(crate) fn measures(&self) -> Vec<&Measure> {
         let mut measures = match self {
             Self::Estimate(goal) => goal.intervals.iter().map(|interval| &interval.of).collect(),
             Self::Boundary(goal) => vec![&goal.of],
             Self::Optimise(goal) => goal.measures(),
             Self::Sensitivity(goal) => goal.of.iter().collect(),
+            Self::Calibrate(_) => Vec::new(),
         };
         measures.sort();
         measures.dedup();
@@ -171,6 +175,7 @@ impl Question {
             Goal::Boundary(goal) => goal.faults("/goal/boundary", &self.factors, &mut faults),
             Goal::Optimise(goal) => goal.faults("/goal/optimise", &self.factors, budget, &mut faults),
             Goal::Sensitivity(goal) => goal.faults("/goal/sensitivity", &self.factors, budget, &mut faults),
+            Goal::Calibrate(goal) => goal.faults("/goal/calibrate", &self.factors, budget, &mut faults),
         }
         faults
     }

@@ -1,11 +1,13 @@
 //! Goals: a module per goal with its fields, its decision and its answer.
 
 pub(crate) mod boundary;
+pub mod calibrate;
 mod estimate;
 pub(crate) mod optimise;
 pub(crate) mod sensitivity;
 
 pub use boundary::{Boundary, BoundaryAnswer, Crossing, MapPoint, ObservedPoint, Place, Side};
+pub use calibrate::{Calibrate, CalibrateAnswer};
 pub use estimate::{Estimate, EstimateAnswer, MAX_EQUAL, MeasureEstimate, MeasureWidth, PointEstimate};
 pub use optimise::{
     Bounds, Confirmation, ConfirmationState, Constraint, FIRST_CONFIRMATION, Forecast, Objective, Obstacle,
@@ -58,6 +60,7 @@ pub(crate) fn decide(question: &Question, evidence: &Evidence, wanted: usize, se
         Goal::Boundary(goal) => boundary::decide(goal, &study),
         Goal::Optimise(goal) => optimise::decide(goal, &study),
         Goal::Sensitivity(goal) => sensitivity::decide(goal, &study),
+        Goal::Calibrate(goal) => calibrate::decide(goal, &study),
     };
     course.proposals.truncate(study.room);
     let is_idle = evidence.pending() == 0;

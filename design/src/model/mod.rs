@@ -33,6 +33,10 @@ const EVALUATIONS: usize = 25;
 
 /// Maximum number of unique points of a model: its cost grows with their cube.
 pub const MAX_POINTS: usize = 200;
+/// Prior of the noise of means, in squares of the spread: median, and standard deviation of the logarithm.
+const NOISE: (f64, f64) = (0.1, 2.0);
+/// The same for a simulation whose replicates are equal.
+const EXACT: (f64, f64) = (1e-6, 1.0);
 /// Magnitudes of responses whose squares are ordinary numbers.
 const ORDINARY: std::ops::Range<f64> = 1e-100..1e100;
 
@@ -105,6 +109,17 @@ impl Model {
         Self::of_data(factors, measure, &data, &subset::fill(chosen, &[], MAX_POINTS))
     }
 
+    /// As [`Model::fit`], for means that may depend on nothing but the factors: where replicates are equal, so is the noise presumed to be
+    /// almost none.
+    pub(crate) fn fit_simulation(factors: &[Factor], measure: &Measure, evidence: &[PointRuns]) -> Option<Self> {
+        let data = Data::of(measure, evidence);
+        let replicated = || data.values.iter().filter(|values| values.len() > 1);
+        let is_exact = |values: &Vec<f64>| values.iter().all(|value| *value == values[0]);
+        let noise = if replicated().count() > 0 && replicated().all(is_exact) { EXACT } else { NOISE };
+        let chosen = subset::fill(subset::spread(&data.coordinates, MAX_POINTS), &[], MAX_POINTS);
+        Self::of_data_with(factors, measure, &data, &chosen, noise)
+    }
+
     /// As [`Model::fit`], but of more than [`MAX_POINTS`] points half fill the range, and half are those nearest to the boundary at
     /// a level, in standard deviations of a model of the first half.
     pub fn fit_near<'a>(
@@ -135,6 +150,17 @@ impl Model {
 
     /// The model of the data at some positions, in rising order.
     fn of_data(factors: &[Factor], measure: &Measure, data: &Data, chosen: &[usize]) -> Option<Self> {
+        Self::of_data_with(factors, measure, data, chosen, NOISE)
+    }
+
+    /// The same with a prior of the noise of means.
+    fn of_data_with(
+        factors: &[Factor],
+        measure: &Measure,
+        data: &Data,
+        chosen: &[usize],
+        noise: (f64, f64),
+    ) -> Option<Self> {
         data.points.first()?;
         let coordinates: Vec<&Vec<f64>> = chosen.iter().map(|index| &data.coordinates[*index]).collect();
         let values: Vec<&[f64]> = chosen.iter().map(|index| data.values[*index].as_slice()).collect();
@@ -142,7 +168,7 @@ impl Model {
         let levels: Vec<usize> = factors.iter().map(|factor| factor.levels.len()).collect();
         let (posterior, alternatives, likelihood) = match measure {
             Measure::Probability(_) => Self::of_counts(&points, &levels, &values),
-            Measure::Mean(_) => Self::of_means(&points, &levels, &values),
+            Measure::Mean(_) => Self::of_means(&points, &levels, &values, noise),
         }?;
         let points = chosen.iter().map(|index| data.points[*index].clone()).collect();
         Some(Self { posterior, alternatives, likelihood, points })
@@ -163,7 +189,12 @@ impl Model {
         Some((posterior(&kernel)?, alternatives, Likelihood::Binomial))
     }
 
-    fn of_means(points: &DMatrix<f64>, levels: &[usize], values: &[&[f64]]) -> Option<Fitted> {
+    fn of_means(
+        points: &DMatrix<f64>,
+        levels: &[usize],
+        values: &[&[f64]],
+        noise_prior: (f64, f64),
+    ) -> Option<Fitted> {
         let largest = values.iter().copied().flatten().map(|value| value.abs()).fold(0.0, f64::max);
         let unit = if largest == 0.0 || ORDINARY.contains(&largest) { 1.0 } else { largest };
         let in_units =
@@ -186,7 +217,7 @@ impl Model {
             relative.iter().map(|relative| (relative * variance).max(1e-10)).collect()
         };
         let prior = Prior { variance: (1.0, 1.0), constant: 1.0, length: (0.7, 0.7) };
-        let (top, around) = climb(&prior, levels, &[(0.1, 2.0)], EVALUATIONS, |kernel, further| {
+        let (top, around) = climb(&prior, levels, &[noise_prior], EVALUATIONS, |kernel, further| {
             let fit = gaussian::fit(points, &summaries, kernel, &times(further[0]))?;
             Some((fit.log_likelihood, fit.gradient))
         })?;
