@@ -30,7 +30,7 @@ struct CurveFile {
 /// Reads measurements with the CSV and mesh files that they name.
 pub(crate) fn read(path: &Path, mut document: Value) -> Result<Lab, Vec<Fault>> {
     let folder = path.parent().unwrap_or(Path::new(""));
-    let files = insert_tables(folder, &mut document);
+    let files = insert_tables(folder, "", &mut document);
     let resolved = meshes::resolve(path, document).without_server();
     let read = read_measurements(resolved.document.clone(), &resolved.meshes, &Limits::default());
     let found = resolved.with_faults(read.as_ref().err().cloned().unwrap_or_default());
@@ -53,14 +53,34 @@ pub(crate) fn read(path: &Path, mut document: Value) -> Result<Lab, Vec<Fault>> 
     }
 }
 
-/// Puts the text of each named file into its curve. An unusable file leaves an empty table.
-fn insert_tables(folder: &Path, document: &mut Value) -> Vec<CurveFile> {
+/// Puts the measurements of a calibration into the document of its study: those of a file, if it names one, and the texts of the CSV
+/// files of curves. Returns the faults of these files.
+pub(crate) fn insert_into_study(folder: &Path, study: &mut Value) -> Vec<Fault> {
+    const PLACE: &str = "/goal/calibrate/measurements";
+    let Some(measurements) = study.pointer_mut(PLACE) else { return Vec::new() };
+    let mut folder = folder.to_owned();
+    if let Value::String(name) = &*measurements {
+        let path = folder.join(name);
+        match input::read_document(&path) {
+            Ok(read) => *measurements = read,
+            Err(error) => {
+                let allowed = "measurements, or the path of a JSON file with them, relative to the folder of this document";
+                return vec![Fault::new(PLACE, &*measurements, error.to_string(), Some(allowed.to_owned()))];
+            }
+        }
+        folder = path.parent().unwrap_or(Path::new("")).to_owned();
+    }
+    insert_tables(&folder, PLACE, measurements).into_iter().filter_map(|file| file.fault).collect()
+}
+
+/// Puts the text of each named file into its curve. An unusable file leaves an empty table. `at` is the place of the document.
+fn insert_tables(folder: &Path, at: &str, document: &mut Value) -> Vec<CurveFile> {
     let mut files = Vec::new();
     let tests = document.get_mut("tests").and_then(Value::as_array_mut);
     for (test, value) in tests.into_iter().flatten().enumerate() {
         let curves = value.pointer_mut("/measured/curves").and_then(Value::as_array_mut);
         for (index, curve) in curves.into_iter().flatten().enumerate() {
-            let at = format!("/tests/{test}/measured/curves/{index}");
+            let at = format!("{at}/tests/{test}/measured/curves/{index}");
             files.extend(curve.as_object_mut().and_then(|curve| insert_table(folder, at, curve)));
         }
     }

@@ -18,6 +18,8 @@ use roost_terminal::{format, input, message};
 use roost_worker::client::Client;
 use serde_json::{Map, Value, json};
 
+use crate::measurements;
+
 /// Placeholder for the digest of a faulty file, so that the rest of the document can be checked too.
 const PLACEHOLDER_DIGEST: &str = "0000000000000000000000000000000000000000000000000000000000000000";
 
@@ -46,7 +48,7 @@ struct MeshFile {
     bytes: Vec<u8>,
 }
 
-/// Reads the mesh files of a document. Paths are relative to the folder of the document, or to the working directory for stdin.
+/// Reads the mesh files of a document, and the measurements that a calibration names by file. Paths are relative to the folder of the document, or to the working directory for stdin.
 pub(crate) fn resolve(path: &Path, document: Value) -> Resolved {
     let folder = path.parent().map(Path::to_owned).unwrap_or_default();
     let resolved = Resolved {
@@ -58,6 +60,7 @@ pub(crate) fn resolve(path: &Path, document: Value) -> Resolved {
     };
     let mut reader = Reader { folder, resolved, read: HashMap::new() };
     let mut document = std::mem::take(&mut reader.resolved.document);
+    reader.resolved.faults = measurements::insert_into_study(&reader.folder, &mut document);
     reader.walk(&mut document, String::new(), false);
     Resolved { document, ..reader.resolved }
 }

@@ -38,7 +38,7 @@ pub(crate) async fn execute(args: Args, is_study: bool) -> Result<Exit> {
     let document = input::read_document(&args.file)?;
     if is_study && DocumentKind::of(&document) != DocumentKind::Study {
         let name = input::display_name(&args.file);
-        return Err(BadInput(format!("{name} is no study: a study has a `goal` and a `base`")).into());
+        return Err(BadInput(format!("{name} is no study: a study has a `goal`")).into());
     }
     if DocumentKind::of(&document) == DocumentKind::Measurements {
         return match measurements::read(&args.file, document) {

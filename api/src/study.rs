@@ -62,12 +62,13 @@ pub struct StudySpec {
     /// A name for people, of at most 256 bytes.
     #[schema(max_length = 256)]
     pub name: String,
-    /// The scenario that the factors vary. Its seed chooses the seeds of all runs.
+    /// The scenario that the factors vary. Its seed chooses the seeds of all runs. Left out in a calibration, whose tests have scenarios.
+    #[serde(default, skip_serializing_if = "Value::is_null")]
     #[schema(value_type = Object)]
     pub base: Value,
     /// The factors, each with `low` and `high`, and perhaps `scale`, or with `levels`.
     pub factors: Vec<Factor>,
-    /// The goal: an object with one member `estimate`, `boundary`, `optimise` or `sensitivity`.
+    /// The goal: an object with one member `estimate`, `boundary`, `optimise`, `sensitivity` or `calibrate`.
     #[schema(value_type = Object)]
     pub goal: Value,
     /// Limits of the number of runs.

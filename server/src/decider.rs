@@ -114,20 +114,22 @@ async fn decide(app: &App, id: SweepId, before: Option<Tally>) -> Result<Option<
     if before.is_some_and(|before| !tally.is_news_after(&before)) {
         return Ok(before);
     }
-    let trials = app.store.trials_of(id, 0..u32::MAX).await?;
+    let mut trials = app.store.trials_of(id, 0..u32::MAX).await?;
     let observations = app.store.observations(id).await?;
     let present = stored.present()?;
+    let study = match tokio::task::spawn_blocking(move || Study::stored(present)).await {
+        Ok(Ok(study)) => study,
+        Ok(Err(faults)) => return pause(app, id, &first_of(&faults)).await,
+        Err(error) => return pause(app, id, &error.to_string()).await,
+    };
+    app.curve_points.complete(&app.store, &study, &mut trials).await?;
     let work = tokio::task::spawn_blocking(move || {
-        let study = Study::stored(present)?;
         let decided = study.decide(&trials, &observations, tally.wanted())?;
         Ok::<_, Vec<roost_api::Fault>>((study.sweep_spec(), decided))
     });
     let (sweep, decided) = match work.await {
         Ok(Ok(work)) => work,
-        Ok(Err(faults)) => {
-            let reason = faults.first().map(ToString::to_string).unwrap_or_default();
-            return pause(app, id, &reason).await;
-        }
+        Ok(Err(faults)) => return pause(app, id, &first_of(&faults)).await,
         Err(error) => return pause(app, id, &error.to_string()).await,
     };
     let (count, finished) = (decided.trials.len(), decided.finished);
@@ -143,6 +145,10 @@ async fn decide(app: &App, id: SweepId, before: Option<Tally>) -> Result<Option<
         cancel_rest(app, id).await?;
     }
     Ok(is_stored.then_some(tally))
+}
+
+fn first_of(faults: &[roost_api::Fault]) -> String {
+    faults.first().map(ToString::to_string).unwrap_or_default()
 }
 
 /// Pauses a study that cannot be decided about: it would fail again at once.

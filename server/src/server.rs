@@ -123,6 +123,7 @@ impl Server {
             farm_views: Default::default(),
             forecasts: Default::default(),
             study_forecasts: Default::default(),
+            curve_points: Default::default(),
         });
         Ok(Self { listener, address, app, _lock: lock })
     }

@@ -58,7 +58,7 @@ pub(super) fn read(file: &Path) -> Result<Resolved> {
     let resolved = meshes::resolve(file, input::read_document(file)?).checked(file)?;
     if DocumentKind::of(&resolved.document) != DocumentKind::Study {
         let name = input::display_name(file);
-        return Err(BadInput(format!("{name} is no study: a study has a `goal` and a `base`")).into());
+        return Err(BadInput(format!("{name} is no study: a study has a `goal`")).into());
     }
     if resolved.is_self_contained() {
         let report =

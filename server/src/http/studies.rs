@@ -263,7 +263,7 @@ pub(crate) async fn ranges(
         return Err(ApiError::new(ProblemKind::WrongState, detail));
     }
     let (present, limits) = (study.present()?, limits(&app));
-    let meshes = app.mesh_cache.meshes_of(&present.submitted.base, &app.store).await?;
+    let meshes = app.mesh_cache.meshes_of(&json!(present.submitted), &app.store).await?;
     let wider = run_blocking(move || study::widen(present, &change, &meshes, limits)).await?;
     if let Some((ranges, wider)) = wider.map_err(ApiError::faults)?
         && !app.store.widen(&study, &ranges, wider.question_sentence()).await?

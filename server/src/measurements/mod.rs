@@ -77,6 +77,14 @@ pub struct Target {
 /// # Errors
 /// Every fault, with pointers into the document.
 pub fn read(document: Value, meshes: &Meshes, limits: &Limits) -> Result<Lab, Vec<Fault>> {
+    read_with(document, Some((meshes, limits)))
+}
+
+/// Reads measurements; their scenarios are checked with meshes and limits, if these are given.
+pub(crate) fn read_with(
+    document: Value,
+    check: Option<(&Meshes, &Limits)>,
+) -> Result<Lab, Vec<Fault>> {
     let (measurements, listed) = read_leniently::<Measurements>(document);
     let Some(measurements) = measurements else { return Err(listed) };
     let mut faults = Vec::new();
@@ -102,7 +110,7 @@ pub fn read(document: Value, meshes: &Meshes, limits: &Limits) -> Result<Lab, Ve
                 "a name of its own for each test",
             ));
         }
-        tests.extend(read_test(&at, test, meshes, limits, &mut faults));
+        tests.extend(read_test(&at, test, check, &mut faults));
     }
     let faults = with_content_faults(listed, faults);
     let Measurements { name, source, .. } = measurements;
@@ -112,14 +120,15 @@ pub fn read(document: Value, meshes: &Meshes, limits: &Limits) -> Result<Lab, Ve
 fn read_test(
     at: &str,
     test: LabTest,
-    meshes: &Meshes,
-    limits: &Limits,
+    check: Option<(&Meshes, &Limits)>,
     faults: &mut Vec<Fault>,
 ) -> Option<TestTargets> {
     faults.extend(name_fault(&format!("{at}/name"), &test.name));
     faults.extend(label_faults_at(&format!("{at}/conditions"), "conditions", &test.conditions));
-    let read = scenario::from_value(&test.scenario)
-        .and_then(|scenario| mesh::check(&scenario, meshes, limits).map(|_| scenario));
+    let read = scenario::from_value(&test.scenario).and_then(|scenario| match check {
+        Some((meshes, limits)) => mesh::check(&scenario, meshes, limits).map(|_| scenario),
+        None => Ok(scenario),
+    });
     let scenario = match read {
         Ok(scenario) => scenario,
         Err(found) => {

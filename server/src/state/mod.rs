@@ -5,6 +5,7 @@
 mod access;
 pub(crate) mod audit;
 pub(crate) mod connections;
+mod curve_points;
 mod farm_view;
 mod forecasts;
 mod mesh_cache;
@@ -33,6 +34,7 @@ use crate::sweep::Response;
 pub(crate) use access::{Access, AccessError, Caller};
 pub(crate) use connections::Connections;
 pub(crate) use farm_view::FarmViews;
+use curve_points::CurvePoints;
 pub(crate) use mesh_cache::{MeshCache, MeshCacheError};
 pub(crate) use metrics::{AnsweredRequest, MachineUsage, Metrics, RequestKind};
 pub(crate) use partial_uploads::{PartialUploads, UploadKey};
@@ -90,6 +92,8 @@ pub(crate) struct AppState {
     pub(crate) forecasts: SweepCache<Forecast>,
     /// Forecasts of studies.
     pub(crate) study_forecasts: SweepCache<Forecast>,
+    /// Points of curves in results, which calibrations need.
+    pub(crate) curve_points: CurvePoints,
 }
 
 impl AppState {

@@ -47,8 +47,7 @@ impl Study {
     ) -> BTreeMap<Point, Vec<Fault>> {
         let points: BTreeSet<&Point> = points.into_iter().collect();
         let refused = points.into_iter().filter_map(|point| {
-            let made = self.points.at_values(point.levels(&self.question.factors));
-            Some((point.clone(), made.err()?))
+            Some((point.clone(), self.made(point).err()?))
         });
         refused.collect()
     }

@@ -35,6 +35,8 @@ pub(super) fn measures(goal: &Goal) -> Vec<(String, &Measure)> {
             let each = sensitivity.of.iter().enumerate();
             each.map(|(index, measure)| (format!("/goal/sensitivity/of/{index}"), measure)).collect()
         }
+        // Checked with the measurements.
+        Goal::Calibrate(_) => Vec::new(),
     }
 }
 

@@ -2,6 +2,7 @@
 //!
 //! - `read` checks a submitted study and lists every fault; `measures` checks the responses that its goal names.
 //! - `asks` hands runs out to clients, and adds runs at points of theirs; `tells` checks the outcomes that they tell.
+//! - `calibration` turns measurements into targets and scenarios of tests.
 //! - `impossible` are points of the ranges whose scenarios have faults.
 //! - `observations` are runs that are no jobs of the study; `seeding` copies them from earlier sweeps.
 //! - `ranges` checks wider ranges.
@@ -11,6 +12,7 @@
 //! The decision itself is [`roost_design::decide`].
 
 mod asks;
+mod calibration;
 mod impossible;
 mod measures;
 mod observations;
@@ -24,14 +26,20 @@ mod tests;
 mod trials;
 mod words;
 
+use std::collections::BTreeMap;
+
 use roost_api::Fault;
 use roost_api::study::{SeedingSweep, StudyEnd, StudySpec};
 use roost_api::sweep::SweepSpec;
 use roost_api::table::TrialRow;
-use roost_design::{Answer, Finished, Proposal, Question, decide};
+use roost_design::goals::calibrate::TEST;
+use roost_design::{Answer, Finished, Point, Proposal, Question, decide};
+use roost_solver::observable::Observable;
+use serde_json::Value;
 
-use crate::sweep::{Points, Trial};
+use crate::sweep::{Point as DesignPoint, Points, Trial};
 pub(crate) use asks::HandOut;
+use calibration::CalibrationTest;
 use impossible::ImpossiblePoint;
 pub(crate) use impossible::impossible_points;
 pub(crate) use observations::{Observation, Source};
@@ -52,8 +60,10 @@ pub(crate) struct Study {
     pub(crate) spec: StudySpec,
     /// Its question, with the present budget.
     pub(crate) question: Question,
-    /// Makes the scenarios of its runs.
+    /// Makes the scenarios of its runs; in a calibration those of the first test.
     points: Points,
+    /// The tests of a calibration.
+    tests: Vec<CalibrationTest>,
     /// Seed of the base, from which all others follow.
     seed: u64,
     /// The sweeps that it began with.
@@ -166,6 +176,30 @@ impl Study {
         let (new, points) = self.trials(proposals, known)?;
         let replicates = trials::most_at_a_point(trials, &new);
         Ok(Decided { trials: new, points, replicates, ..decided })
+    }
+
+    /// The design point of a point of the question, or the faults of its scenario.
+    fn made(&self, point: &Point) -> Result<DesignPoint, Vec<Fault>> {
+        let levels = point.levels(&self.question.factors);
+        if self.tests.is_empty() {
+            return self.points.at_values(levels);
+        }
+        let (test, parameters) = calibration::split(&self.question, &levels);
+        let mut made = self.tests[test].points.at_values(parameters.to_vec())?;
+        if self.tests.len() > 1 {
+            made.levels.insert(TEST.to_owned(), Value::String(self.tests[test].name.clone()));
+        }
+        Ok(made)
+    }
+
+    /// Numbers of a trial's run that its goal needs and that are no responses, by name.
+    pub(crate) fn curve_points(&self, trial: &TrialRow) -> Option<&BTreeMap<String, Observable>> {
+        let name = trial.factors.get(TEST).and_then(Value::as_str);
+        let test = match name {
+            Some(name) => self.tests.iter().find(|test| test.name == name),
+            None => self.tests.first(),
+        };
+        test.map(|test| &test.curve_points).filter(|points| !points.is_empty())
     }
 
     /// The question in words.

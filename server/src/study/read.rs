@@ -10,8 +10,9 @@ use roost_solver::scenario::field::FieldKind;
 use roost_solver::scenario::{self, fields};
 use serde_json::{Value, json};
 
-use super::{Present, Study, measures, ranges};
+use super::{Present, Study, calibration, measures, ranges};
 use crate::document::{fault, read_leniently};
+use crate::measurements::Lab;
 use crate::sweep::{self, Expansion, Points, SweepLimits};
 
 /// Number of combinations of ends and levels up to which all of them are checked.
@@ -26,7 +27,20 @@ pub(crate) fn read(
     limits: SweepLimits,
 ) -> Result<(Study, Expansion), Vec<Fault>> {
     let (spec, mut faults) = read_leniently::<StudySpec>(document);
-    let Some(spec) = spec else { return Err(faults) };
+    let Some(mut spec) = spec else { return Err(faults) };
+    let lab = calibration::lab(&spec, Some((meshes, &limits.scenario)));
+    let lab = lab.and_then(|lab| lab.map_err(|found| faults.extend(found)).ok());
+    match &lab {
+        Some(lab) => {
+            calibration::check_members(&spec, lab, &mut faults);
+            spec.base = lab.tests.first().map(|test| test.base.clone()).unwrap_or_default();
+        }
+        None if spec.goal.get("calibrate").is_some() => return Err(faults),
+        None if spec.base.is_null() => {
+            faults.push(fault("/base", Value::Null, "is missing", "the scenario that the factors vary"));
+        }
+        None => {}
+    }
     check_factors(&spec, &mut faults);
     if let Some(schema) = spec.schema.as_deref().filter(|schema| *schema != SCHEMA) {
         faults.push(fault("/schema", json!(schema), "unknown schema", SCHEMA));
@@ -40,9 +54,10 @@ pub(crate) fn read(
             &allowed,
         ));
     }
-    let question = question(&spec, spec.budget.max_runs).map_err(|found| faults.extend(found)).ok();
+    let question = question(&spec, lab.as_ref(), spec.budget.max_runs).map_err(|found| faults.extend(found)).ok();
     check_seeding(&spec, question.as_ref(), &mut faults);
     if let Some(question) = &question
+        && lab.is_none()
         && let Ok(base) = scenario::from_value(&spec.base)
     {
         measures::check(&question.goal, &base.experiment, &mut faults);
@@ -51,15 +66,24 @@ pub(crate) fn read(
         return Err(faults);
     }
     let corners = corners(&spec.factors);
-    let expansion = sweep::read(json!(sweep_of(&spec, &corners)), meshes, limits);
-    let expansion = expansion.map_err(|found| {
-        for found in found.into_iter().map(|fault| at_factor(fault, &corners, &spec.factors)) {
-            // An end or a level is in several corners.
-            if !faults.iter().any(|known| (&known.pointer, &known.value) == (&found.pointer, &found.value)) {
-                faults.push(found);
+    let mut read_corners = |base: &Value| {
+        let sweep = json!(SweepSpec { base: base.clone(), ..sweep_of(&spec, &corners) });
+        let found = sweep::read(sweep, meshes, limits).map_err(|found| {
+            for found in found.into_iter().map(|fault| at_factor(fault, &corners, &spec.factors)) {
+                // An end or a level is in several corners.
+                let is_same =
+                    |known: &Fault| (&known.pointer, &known.value) == (&found.pointer, &found.value);
+                if !faults.iter().any(is_same) {
+                    faults.push(found);
+                }
             }
-        }
-    });
+        });
+        found
+    };
+    let expansion = read_corners(&spec.base);
+    // The parameters must suit the other tests as well.
+    let others = lab.iter().flat_map(|lab| lab.tests.iter().skip(1));
+    others.for_each(|test| drop(read_corners(&test.base)));
     match (question, expansion) {
         (Some(question), Ok((_, expansion))) if faults.is_empty() => {
             let points = expansion.points.clone();
@@ -67,8 +91,18 @@ pub(crate) fn read(
             let first_ranges = ranges::ranges(&spec.factors);
             let (seeding, past_attempts) = (Vec::new(), 0);
             let impossible = Vec::new();
-            let study =
-                Study { spec, question, points, seed, seeding, first_ranges, past_attempts, impossible };
+            let tests = lab.map(|lab| calibration::tests(&lab, &spec.factors)).unwrap_or_default();
+            let study = Study {
+                spec,
+                question,
+                points,
+                tests,
+                seed,
+                seeding,
+                first_ranges,
+                past_attempts,
+                impossible,
+            };
             Ok((study, expansion))
         }
         _ => Err(faults),
@@ -79,13 +113,16 @@ impl Study {
     /// A stored study as it is now, or the faults that this server finds in it.
     pub(crate) fn stored(present: Present) -> Result<Self, Vec<Fault>> {
         let spec = present.spec();
-        let question = question(&spec, present.max_runs)?;
+        let lab = calibration::lab(&spec, None).transpose()?;
+        let question = question(&spec, lab.as_ref(), present.max_runs)?;
+        let tests = lab.map(|lab| calibration::tests(&lab, &spec.factors)).unwrap_or_default();
         let base = scenario::from_value(&spec.base)?;
         let points = Points::without_rows(&spec.base, &base, &spec.factors);
         Ok(Self {
             spec,
             question,
             points,
+            tests,
             seed: base.seed,
             seeding: present.seeding,
             first_ranges: ranges::ranges(&present.submitted.factors),
@@ -96,7 +133,7 @@ impl Study {
 }
 
 /// The question of a study, or its faults with pointers into the study.
-fn question(spec: &StudySpec, max_runs: u32) -> Result<Question, Vec<Fault>> {
+fn question(spec: &StudySpec, lab: Option<&Lab>, max_runs: u32) -> Result<Question, Vec<Fault>> {
     let factor = |factor: &Factor| {
         if let Some(levels) = &factor.levels {
             return json!({"name": factor.name(), "levels": levels});
@@ -106,8 +143,10 @@ fn question(spec: &StudySpec, max_runs: u32) -> Result<Question, Vec<Fault>> {
     };
     let mut budget = json!(spec.budget);
     budget["max_runs"] = json!(max_runs);
-    let factors: Vec<Value> = spec.factors.iter().map(factor).collect();
-    let document = json!({"factors": factors, "goal": spec.goal, "budget": budget});
+    let mut factors: Vec<Value> = spec.factors.iter().map(factor).collect();
+    factors.extend(lab.and_then(calibration::test_factor));
+    let goal = lab.map_or_else(|| spec.goal.clone(), |lab| calibration::goal(&spec.goal, lab));
+    let document = json!({"factors": factors, "goal": goal, "budget": budget});
     Question::read(&document).map_err(|faults| faults.into_iter().map(of_question).collect())
 }
 

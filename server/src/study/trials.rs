@@ -138,7 +138,7 @@ impl Study {
     ) -> Result<(Vec<Trial>, u32), Vec<Fault>> {
         let mut trials = Vec::with_capacity(proposals.len());
         for Proposal { point, replicate } in proposals {
-            let made = self.points.at_values(point.levels(&self.question.factors))?;
+            let made = self.made(point)?;
             let replicate = self.stored_replicate(*replicate);
             let is_new = !known.indices.contains_key(point);
             let index = *known.indices.entry(point.clone()).or_insert(known.count);

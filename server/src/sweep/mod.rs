@@ -38,7 +38,7 @@ pub(crate) use differences::differences;
 pub(crate) use effects::{Effects, MAX_EFFECTS_BYTES};
 use expand::expand;
 pub(crate) use extend::{AddedPoints, StoredSweep, extend, replicate};
-pub(crate) use points::{Points, Trial};
+pub(crate) use points::{Point, Points, Trial};
 pub(crate) use schema::json_schema;
 pub(crate) use summary::by_point;
 pub(crate) use table::{Column, Response, csv, of_points, of_trials};

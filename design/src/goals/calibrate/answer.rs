@@ -4,6 +4,7 @@ use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 use super::density::Density;
+use super::emulator::constant;
 use super::identifiability::{self, Narrowing, PairOfParameters};
 use super::sampler::Samples;
 use super::{Calibrate, Setup, Target};
@@ -199,8 +200,14 @@ fn agreements(
     let points = DMatrix::from_fn(factors, listed.len(), |row, column| listed[column][row]);
     let share = listed.iter().map(|state| density.share(state)).sum::<f64>() / listed.len() as f64;
     let agreement = |(index, target): (usize, &Target)| {
-        let (runs, without) = counts(target, setup.test(&target.test).map_or(&[], |test| &by_test[test]));
+        let of_test: &[PointRuns] = setup.test(&target.test).map_or(&[], |test| &by_test[test]);
+        let (runs, without) = counts(target, of_test);
         let target = target.clone();
+        if let Some(value) = constant(&target.of, of_test) {
+            let simulated = Some(Interval { mean: value, low: value, high: value });
+            let distance = (!target.is_share()).then(|| (target.mean - value) / target.error());
+            return (TargetAgreement { target, runs, without, simulated, distance }, Some(0.0));
+        }
         let known = density.targets.iter().position(|(known, _)| *known == index);
         let Some(known) = known else {
             return (TargetAgreement { target, runs, without, simulated: None, distance: None }, None);

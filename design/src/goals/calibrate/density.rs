@@ -15,7 +15,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::emulator::{Emulated, Emulator, completeness};
+use super::emulator::{Emulated, Emulator, completeness, constant};
 use super::prior::{self, ParameterPrior};
 use super::target::{Group, Target, groups};
 use super::{Calibrate, Setup};
@@ -57,6 +57,10 @@ impl<'a> Density<'a> {
         let mut emulators = Vec::new();
         for (index, target) in goal.targets.iter().enumerate() {
             let runs = &by_test[setup.test(&target.test)?];
+            // A number that no parameter changes tells nothing of them.
+            if constant(&target.of, runs).is_some() {
+                continue;
+            }
             if let Some(emulator) = Emulator::fit(parameters, &target.of, runs) {
                 targets.push((index, target.clone()));
                 emulators.push(emulator);

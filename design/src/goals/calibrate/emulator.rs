@@ -106,6 +106,13 @@ impl Emulator {
     }
 }
 
+/// The value of a measure in all runs, if there are enough runs and all have the same.
+pub(super) fn constant(measure: &Measure, runs: &[PointRuns]) -> Option<f64> {
+    let values: Vec<f64> = runs.iter().flat_map(|point| point.values(measure)).collect();
+    let is_constant = values.len() >= MIN_VALUES && values.iter().all(|value| *value == values[0]);
+    is_constant.then(|| values[0])
+}
+
 /// The runs at a point, each with one value.
 pub(super) fn of_values(point: &PointRuns, values: Vec<f64>) -> PointRuns {
     let outcome = |value| Outcome::Responses(BTreeMap::from([(VALUE.to_owned(), value)]));

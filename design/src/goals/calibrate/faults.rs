@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::{Calibrate, PriorShape, Setup};
+use super::{Calibrate, ParameterPrior, Setup};
 use crate::factor::Factor;
 use crate::fault::{Fault, fault};
 use crate::question::Budget;
@@ -45,7 +45,7 @@ impl Calibrate {
                 let at = format!("{at}/parameter");
                 faults.push(fault(&at, &prior.parameter, "the parameter has two priors", "one prior"));
             }
-            prior_faults(&at, &prior.shape, faults);
+            prior_faults(&at, prior, faults);
         }
         if let Some(scale) = self.discrepancy.filter(|scale| !(*scale > 0.0 && *scale <= 1.0)) {
             let allowed = "more than 0 and at most 1; left out for none";
@@ -64,21 +64,21 @@ impl Calibrate {
     }
 }
 
-fn prior_faults(at: &str, shape: &PriorShape, faults: &mut Vec<Fault>) {
+fn prior_faults(at: &str, prior: &ParameterPrior, faults: &mut Vec<Fault>) {
+    if prior.normal.is_some() == prior.log_normal.is_some() {
+        faults.push(fault(at, prior, "not one distribution", "either `normal` or `log_normal`"));
+    }
     let mut check = |name: &str, value: f64, least: f64| {
         if !(value > least && value.is_finite()) {
             let allowed = format!("more than {least}");
             faults.push(fault(&format!("{at}/{name}"), value, "not possible", &allowed));
         }
     };
-    match *shape {
-        PriorShape::Normal { mean, deviation } => {
-            check("normal/mean", mean, f64::NEG_INFINITY);
-            check("normal/deviation", deviation, 0.0);
-        }
-        PriorShape::LogNormal { median, factor } => {
-            check("log_normal/median", median, 0.0);
-            check("log_normal/factor", factor, 1.0);
-        }
+    if let Some(normal) = prior.normal {
+        check("normal/deviation", normal.deviation, 0.0);
+    }
+    if let Some(log_normal) = prior.log_normal {
+        check("log_normal/median", log_normal.median, 0.0);
+        check("log_normal/factor", log_normal.factor, 1.0);
     }
 }

@@ -40,7 +40,7 @@ use crate::question::Question;
 use crate::space::{SEQUENCE_LENGTH, distinct};
 pub use answer::{CalibrateAnswer, Interval, ParameterEstimate, TargetAgreement};
 pub use identifiability::{Narrowing, PairOfParameters};
-pub use prior::{ParameterPrior, PriorShape};
+pub use prior::{LogNormalPrior, NormalPrior, ParameterPrior};
 pub use target::{CurvePlace, Target};
 
 /// Name of the factor whose levels are the tests.

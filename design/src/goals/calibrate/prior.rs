@@ -4,35 +4,38 @@ use serde::{Deserialize, Serialize};
 
 use crate::factor::{Factor, Scale};
 
-/// The prior of a parameter, within the range of its factor.
+/// The prior of a parameter, cut off at the ends of its range: one of the two distributions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParameterPrior {
     /// Name of the parameter.
     pub parameter: String,
-    /// Its distribution.
-    #[serde(flatten)]
-    pub shape: PriorShape,
+    /// Normal.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub normal: Option<NormalPrior>,
+    /// Log-normal.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub log_normal: Option<LogNormalPrior>,
 }
 
-/// A distribution, cut off at the ends of the range.
+/// A normal distribution, in the unit of the field.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum PriorShape {
-    /// Normal.
-    Normal {
-        /// Mean, in the unit of the field.
-        mean: f64,
-        /// Standard deviation, in the unit of the field.
-        deviation: f64,
-    },
-    /// Log-normal: two thirds of it lie between median / factor and median · factor.
-    LogNormal {
-        /// Median, in the unit of the field.
-        median: f64,
-        /// The factor of one standard deviation of the logarithm; above 1.
-        factor: f64,
-    },
+#[serde(deny_unknown_fields)]
+pub struct NormalPrior {
+    /// Mean.
+    pub mean: f64,
+    /// Standard deviation.
+    pub deviation: f64,
+}
+
+/// A log-normal distribution: two thirds of it lie between median / factor and median · factor.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LogNormalPrior {
+    /// Median, in the unit of the field.
+    pub median: f64,
+    /// The factor of one standard deviation of the logarithm; above 1.
+    pub factor: f64,
 }
 
 /// Log density of a parameter at a coordinate from 0 to 1, up to a constant; 0 without a prior: uniform along the scale.
@@ -44,10 +47,11 @@ pub(super) fn ln_density(factor: &Factor, prior: Option<&ParameterPrior>, coordi
         Scale::Linear => 0.0,
         Scale::Log => value.ln(),
     };
-    match prior.shape {
-        PriorShape::Normal { mean, deviation } => ln_slope - 0.5 * ((value - mean) / deviation).powi(2),
-        PriorShape::LogNormal { median, factor } => {
-            ln_slope - value.ln() - 0.5 * ((value / median).ln() / factor.ln()).powi(2)
-        }
-    }
+    let normal = prior.normal.map_or(0.0, |NormalPrior { mean, deviation }| {
+        ln_slope - 0.5 * ((value - mean) / deviation).powi(2)
+    });
+    let log_normal = prior.log_normal.map_or(0.0, |LogNormalPrior { median, factor }| {
+        ln_slope - value.ln() - 0.5 * ((value / median).ln() / factor.ln()).powi(2)
+    });
+    normal + log_normal
 }

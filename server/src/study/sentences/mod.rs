@@ -1,7 +1,8 @@
-//! Question and answer of a study in sentences; `boundary` and `optimise` state the findings of these goals, `sources` the
+//! Question and answer of a study in sentences; `boundary`, `optimise` and `calibrate` state the findings of these goals, `sources` the
 //! runs that come from elsewhere.
 
 mod boundary;
+mod calibrate;
 mod optimise;
 mod sources;
 
@@ -77,6 +78,10 @@ pub(super) fn question(study: &Study) -> String {
             let measures: Vec<String> = goal.of.iter().map(measure).collect();
             format!("Which factors matter for {}, over {over}?", list(&measures))
         }
+        Goal::Calibrate(_) => {
+            let name = study.spec.goal.pointer("/calibrate/measurements/name").and_then(Value::as_str);
+            calibrate::question(&study.question, name.unwrap_or_default())
+        }
     }
 }
 
@@ -103,6 +108,7 @@ pub(super) fn answer(study: &Study, answer: &Answer, known: &Known) -> Vec<Strin
         Finding::Boundary(finding) => boundary::sentences(study, finding),
         Finding::Optimise(finding) => optimise::sentences(study, finding),
         Finding::Sensitivity(finding) => sensitivity(finding),
+        Finding::Calibrate(finding) => calibrate::sentences(finding),
     };
     let runs = answer.runs;
     let failed = if runs.failed > 0 { format!("; {} more failed", runs.failed) } else { String::new() };
@@ -202,6 +208,9 @@ fn growth(study: &Study) -> Option<String> {
 
 /// What the answer assumes beside its factors.
 fn assumptions(study: &Study) -> String {
+    if !study.tests.is_empty() {
+        return calibrate::assumptions(&study.question);
+    }
     let base = study.points.complete_base();
     let number = |pointer: &str| base.pointer(pointer).and_then(serde_json::Value::as_f64);
     let mut parts = Vec::new();
