@@ -6,9 +6,11 @@
 //! | `map`, `contour` | a boundary over two factors, or slices of more |
 //! | `rows` | estimates, recommendations and sensitivities as rows with intervals |
 //! | `front` | recommendations for two objectives |
+//! | `calibrate` | samples of parameters in pairs, and simulated against measured numbers |
 //! | `axis`, `legend` | parts of all |
 
 mod axis;
+mod calibrate;
 mod contour;
 mod curve;
 mod front;
@@ -53,11 +55,16 @@ trait Body {
 /// # Errors
 /// If goal or answer have another form than this version of Roost writes, or the picture cannot be drawn.
 pub fn answer_svg(answer: &StudyAnswer) -> Result<String> {
-    let goal: Goal = serde_json::from_value(answer.goal.clone()).context("reading the goal of a study")?;
     let found: Option<Answer> =
         serde_json::from_value(answer.answer.clone()).context("reading the answer of a study")?;
     let factors: Vec<Factor> = answer.factors.iter().map(factor).collect();
-    let body = found.as_ref().map(|found| body(&goal, &factors, &found.finding));
+    let finding = found.as_ref().map(|found| &found.finding);
+    // The goal of a calibration has measurements, which its picture does not need.
+    let goal: Option<Goal> = match finding {
+        Some(Finding::Calibrate(_)) => None,
+        _ => Some(serde_json::from_value(answer.goal.clone()).context("reading the goal of a study")?),
+    };
+    let body = finding.map(|finding| body(goal.as_ref(), &factors, finding));
     let head = head(answer);
     let top = MARGIN + TITLE_SIZE as i32 + 8 + LINE_HEIGHT * head.len() as i32;
     let height = top as u32 + 10 + body.as_ref().map_or(0, |body| body.height());
@@ -82,9 +89,9 @@ pub fn answer_svg(answer: &StudyAnswer) -> Result<String> {
     Ok(drawn)
 }
 
-fn body<'a>(goal: &'a Goal, factors: &'a [Factor], finding: &'a Finding) -> Box<dyn Body + 'a> {
+fn body<'a>(goal: Option<&'a Goal>, factors: &'a [Factor], finding: &'a Finding) -> Box<dyn Body + 'a> {
     match (goal, finding) {
-        (Goal::Boundary(goal), Finding::Boundary(found)) => match factors {
+        (Some(Goal::Boundary(goal)), Finding::Boundary(found)) => match factors {
             [factor] => Box::new(curve::Curve::of_boundary(factor, &goal.of, found)),
             factors => Box::new(map::Map { of: &goal.of, factors, found }),
         },
@@ -92,13 +99,14 @@ fn body<'a>(goal: &'a Goal, factors: &'a [Factor], finding: &'a Finding) -> Box<
             [factor] => Box::new(curve::Curves::of_estimate(factor, found)),
             factors => Box::new(rows::Panels::of_estimate(factors, found)),
         },
-        (Goal::Optimise(goal), Finding::Optimise(found)) if goal.objectives.len() == 2 => {
+        (Some(Goal::Optimise(goal)), Finding::Optimise(found)) if goal.objectives.len() == 2 => {
             Box::new(front::Front { goal, factors, found })
         }
-        (Goal::Optimise(goal), Finding::Optimise(found)) => {
+        (Some(Goal::Optimise(goal)), Finding::Optimise(found)) => {
             Box::new(rows::Panels::of_optimise(goal, factors, found))
         }
         (_, Finding::Sensitivity(found)) => Box::new(rows::Panels::of_sensitivity(found)),
+        (_, Finding::Calibrate(found)) => Box::new(calibrate::Calibration { factors, found }),
         // Another goal than that of the finding: the head alone.
         _ => Box::new(rows::Panels::default()),
     }
