@@ -73,6 +73,32 @@ pub(crate) fn insert_into_study(folder: &Path, study: &mut Value) -> Vec<Fault> 
     insert_tables(&folder, PLACE, measurements).into_iter().filter_map(|file| file.fault).collect()
 }
 
+/// Puts the samples of the answer of a calibration into a document whose `posterior` names its file. Returns the fault of the file.
+pub(crate) fn insert_posterior(folder: &Path, document: &mut Value) -> Option<Fault> {
+    let draws = document.get_mut("posterior")?.as_object_mut()?;
+    let file = draws.remove("file")?;
+    let name = file.as_str().unwrap_or_default();
+    let read = input::read_document(&folder.join(name)).map_err(|error| error.to_string());
+    let found = read.and_then(|answer| {
+        let finding = answer.pointer("/answer/finding/calibrate");
+        let finding = finding.ok_or_else(|| format!("{name} is no answer of a calibration"))?;
+        let names = finding["parameters"].as_array().into_iter().flatten();
+        let names: Vec<Value> = names.map(|parameter| parameter["parameter"].clone()).collect();
+        Ok((names, finding["samples"].clone()))
+    });
+    match found {
+        Ok((parameters, samples)) => {
+            draws.insert("parameters".to_owned(), json!(parameters));
+            draws.insert("samples".to_owned(), samples);
+            None
+        }
+        Err(detail) => {
+            let allowed = "the path of the answer.json of a calibration, relative to the folder of this document";
+            Some(Fault::new("/posterior/file", &file, detail, Some(allowed.to_owned())))
+        }
+    }
+}
+
 /// Puts the text of each named file into its curve. An unusable file leaves an empty table. `at` is the place of the document.
 fn insert_tables(folder: &Path, at: &str, document: &mut Value) -> Vec<CurveFile> {
     let mut files = Vec::new();

@@ -61,6 +61,7 @@ pub(crate) fn resolve(path: &Path, document: Value) -> Resolved {
     let mut reader = Reader { folder, resolved, read: HashMap::new() };
     let mut document = std::mem::take(&mut reader.resolved.document);
     reader.resolved.faults = measurements::insert_into_study(&reader.folder, &mut document);
+    reader.resolved.faults.extend(measurements::insert_posterior(&reader.folder, &mut document));
     reader.walk(&mut document, String::new(), false);
     Resolved { document, ..reader.resolved }
 }

@@ -11,6 +11,7 @@ use utoipa::ToSchema;
 use crate::design::Factor;
 use crate::ids::SweepId;
 use crate::job::{Cache, Needs, words};
+use crate::sweep::PosteriorDraws;
 use crate::time::Timestamp;
 
 /// The schema of a study.
@@ -76,6 +77,9 @@ pub struct StudySpec {
     /// Sweeps whose finished runs it begins with. The runs are copied, and the budget does not count them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub seeded_by: Vec<SweepId>,
+    /// Parameters that each run draws from the posterior of a calibration.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub posterior: Option<PosteriorDraws>,
     /// Who runs its proposals: the `server` by jobs, or a `client` that asks for them.
     #[serde(default = "server")]
     pub driver: Driver,

@@ -35,6 +35,9 @@ pub struct SweepSpec {
     /// Jobs per design point, each with its own seed.
     #[serde(default = "one")]
     pub replicates: u32,
+    /// Parameters that replicates draw from the posterior of a calibration.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub posterior: Option<PosteriorDraws>,
     /// Jobs of higher priority are claimed first. Values outside -100 to 100 need a token with the scope `admin`.
     #[serde(default)]
     pub priority: i32,
@@ -57,6 +60,25 @@ pub struct SweepSpec {
     /// Whether runs may start from a filled state that another run left, and leave their own. No result depends on it.
     #[serde(default = "crate::job::default_shared_fill")]
     pub shared_fill: bool,
+}
+
+/// Parameters that runs draw from samples of a posterior: either of a study, or given as `parameters` and `samples`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PosteriorDraws {
+    /// A study with the goal `calibrate`. The server fills in the samples of its answer, as it is at that moment.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub study: Option<SweepId>,
+    /// JSON pointers of the parameters.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parameters: Option<Vec<String>>,
+    /// Samples: a value for each parameter, in the units of the fields.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub samples: Option<Vec<Vec<f64>>>,
+    /// Replicates in a row that have the same sample, with different seeds; 2 unless given. Runs of a study choose theirs by their seeds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 1)]
+    pub runs_per_sample: Option<u32>,
 }
 
 fn one() -> u32 {
@@ -147,6 +169,9 @@ pub struct SweepView {
     pub points: u32,
     /// Replicates of each design point.
     pub replicates: u32,
+    /// Replicates in a row that have the same parameters, if these come from a posterior; null in any other sweep.
+    #[serde(default)]
+    pub runs_per_sample: Option<u32>,
     /// Names of its factors, each the pointer of the factor's first field.
     pub factors: Vec<String>,
     /// Its jobs by state.

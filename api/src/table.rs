@@ -88,7 +88,14 @@ pub struct Summary {
     /// Standard deviation with n − 1, from two values on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub standard_deviation: Option<f64>,
-    /// Lower end of the 95 % interval of the mean: Student's t from two values on, Wilson for an indicator from one value on.
+    /// Standard deviation of the expected response over the parameters that replicates drew from a posterior.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub input_deviation: Option<f64>,
+    /// Standard deviation of runs with the same parameters, where replicates drew parameters from a posterior.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub chance_deviation: Option<f64>,
+    /// Lower end of the 95 % interval of the mean: Student's t from two values on, Wilson for an indicator from one value on. With parameters from a
+    /// posterior the interval includes what is not known of them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub low_95: Option<f64>,
     /// Its upper end.

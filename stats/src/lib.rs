@@ -1,4 +1,4 @@
-//! Statistics of a few simulations: means and shares with 95 % intervals, differences of means and other contrasts, straight lines and
+//! Statistics of a few simulations: means and shares with 95 % intervals, runs in groups with parameters of their own, differences of means and other contrasts, straight lines and
 //! rank correlations.
 //!
 //! | symbol | meaning |
@@ -16,11 +16,13 @@
 mod comparison;
 mod contrast;
 mod line;
+mod nested;
 mod sample;
 mod share;
 
 pub use comparison::{Difference, ratio, welch};
 pub use contrast::{Contrast, Pairing, PointTable, Values};
 pub use line::{Line, ROUNDING, line, rank_correlation, rank_correlation_p_value};
+pub use nested::Nested;
 pub use sample::{Replicates, Sample};
 pub use share::{Interval, share_interval};

@@ -14,6 +14,7 @@ use serde_json::{Value, json};
 
 use super::blocking::run_blocking;
 use super::extract::{Document, Segments};
+use super::posteriors;
 use super::problem::ApiError;
 use super::{jobs, sweeps};
 use crate::document::fault;
@@ -129,7 +130,8 @@ pub(crate) async fn validate_study(
 }
 
 /// Checks a document, and forecasts its cost on the present workers.
-pub(super) async fn report(app: &App, document: Value) -> Result<ValidationReport, ApiError> {
+pub(super) async fn report(app: &App, mut document: Value) -> Result<ValidationReport, ApiError> {
+    posteriors::fill_in(app, &mut document).await?;
     let (limits, max_jobs) = (app.config.limits, app.config.max_jobs_per_sweep);
     let meshes = app.mesh_cache.meshes_of(&document, &app.store).await?;
     let (needs, priority) = placement(&document);

@@ -23,6 +23,7 @@ mod meta;
 mod metrics;
 mod page;
 mod parts;
+mod posteriors;
 mod priority;
 mod problem;
 mod prune;

@@ -17,6 +17,7 @@ use utoipa::IntoParams;
 use super::blocking::{run_blocking, run_detached};
 use super::extract::{Document, Params, Segments};
 use super::page::{cursor, limit, limit_schema, page};
+use super::posteriors;
 use super::priority::check_priority;
 use super::problem::{ApiError, ProblemKind};
 use super::seeding;
@@ -49,8 +50,9 @@ pub(crate) async fn submit(
     Ok((StatusCode::CREATED, location, Json(view_of(&app, id).await?)))
 }
 
-async fn create(app: &App, id: SweepId, caller: Caller, document: Value) -> Result<(), ApiError> {
+async fn create(app: &App, id: SweepId, caller: Caller, mut document: Value) -> Result<(), ApiError> {
     let _turn = app.submission_turns.wait(id).await;
+    posteriors::fill_in(app, &mut document).await?;
     let limits = limits(app);
     let mesh_lock = app.mesh_gate.read().await;
     let meshes = app.mesh_cache.meshes_of(&document, &app.store).await?;

@@ -22,6 +22,7 @@ use super::blocking::{run_blocking, run_detached};
 use super::extract::{Document, Params, Segments};
 use super::jobs::{JobQuery, RetryQuery, list_filtered};
 use super::page::{cursor, label, limit, limit_schema, page};
+use super::posteriors;
 use super::priority::check_priority;
 use super::problem::{ApiError, ProblemKind};
 use super::submissions::Reserved;
@@ -51,11 +52,12 @@ pub(crate) async fn submit(
 }
 
 /// Expands and queues a sweep, unless another request with the same key has done it. The lock prevents the deletion of its meshes meanwhile.
-async fn create(app: &App, id: SweepId, caller: Caller, document: Value) -> Result<(), ApiError> {
+async fn create(app: &App, id: SweepId, caller: Caller, mut document: Value) -> Result<(), ApiError> {
     let _turn = app.submission_turns.wait(id).await;
     if app.store.sweep_size(id).await?.is_some() {
         return Ok(());
     }
+    posteriors::fill_in(app, &mut document).await?;
     let limits = limits(app);
     let mesh_lock = app.mesh_gate.read().await;
     let meshes = app.mesh_cache.meshes_of(&document, &app.store).await?;

@@ -121,8 +121,9 @@ pub(crate) async fn table(
                 .collect()
         }
     };
-    let columns = Columns { factors: sweep.factors.clone(), responses, selected };
-    let rows = TableRows { app, id, by_point, replicates: sweep.replicates, range };
+    let (drawn, is_drawn) = (sweep.runs_per_sample, sweep.runs_per_sample.is_some());
+    let columns = Columns { factors: sweep.factors.clone(), responses, selected, is_drawn };
+    let rows = TableRows { app, id, by_point, replicates: sweep.replicates, runs_per_sample: drawn, range };
     let mut response = match query.format {
         TableFormat::Json => stream_table(
             json_head(&sweep, by_point)?,
@@ -176,6 +177,8 @@ pub(super) struct TableRows {
     id: SweepId,
     by_point: bool,
     replicates: u32,
+    /// Replicates in a row that have the same parameters, if these come from a posterior.
+    runs_per_sample: Option<u32>,
     range: RowRange,
 }
 
@@ -183,7 +186,8 @@ impl TableRows {
     /// Every design point of a sweep.
     pub(super) fn of_points(app: App, sweep: &SweepView) -> Result<Self, ApiError> {
         let range = RowRange::new(sweep.points, 1, None, None, MAX_ROWS)?;
-        Ok(Self { app, id: sweep.id, by_point: true, replicates: sweep.replicates, range })
+        let (replicates, runs_per_sample) = (sweep.replicates, sweep.runs_per_sample);
+        Ok(Self { app, id: sweep.id, by_point: true, replicates, runs_per_sample, range })
     }
 
     /// All trials of the next chunk of design points; none after the last.
@@ -200,7 +204,8 @@ impl TableRows {
     async fn next(&mut self) -> Result<Option<Chunk>, ApiError> {
         if self.by_point {
             let Some(trials) = self.next_points().await? else { return Ok(None) };
-            return run_blocking(move || Some(Chunk::Points(sweep::by_point(&trials)))).await;
+            let drawn = self.runs_per_sample;
+            return run_blocking(move || Some(Chunk::Points(sweep::by_point(&trials, drawn)))).await;
         }
         let Some((place, rows)) = self.range.take(CHUNK) else { return Ok(None) };
         Ok(Some(Chunk::Trials(self.app.store.trials_from(self.id, place, rows).await?)))
@@ -213,13 +218,15 @@ struct Columns {
     responses: Vec<sweep::Response>,
     /// Names of the selected responses; none selects all.
     selected: Option<Vec<String>>,
+    /// Whether parameters were drawn from a posterior.
+    is_drawn: bool,
 }
 
 impl Columns {
     fn of(&self, chunk: &Chunk) -> Vec<sweep::Column> {
         match chunk {
             Chunk::Trials(trials) => sweep::of_trials(&self.factors, &self.responses, trials),
-            Chunk::Points(points) => sweep::of_points(&self.factors, &self.responses, points),
+            Chunk::Points(points) => sweep::of_points(&self.factors, &self.responses, points, self.is_drawn),
         }
     }
 

@@ -12,7 +12,7 @@ use super::columns::{Columns, corrupt, from_json};
 use super::job_rows::{JobBatches, JobOptions, queue_start};
 use super::submit::queue_jobs;
 use super::{Store, StoreError};
-use crate::sweep::{AddedPoints, StoredSweep, Trial, factors, replicate};
+use crate::sweep::{AddedPoints, Posterior, StoredSweep, Trial, factors, replicate};
 
 /// An extension about to be stored.
 pub(crate) struct NewExtension {
@@ -43,11 +43,13 @@ impl NewExtension {
         let (old_points, new_points) = (stored.points.len() as u32, added.points.len() as u32);
         let more = stored.replicates..replicates;
         let jobs = firsts.len() as u64 * more.len() as u64 + u64::from(new_points) * u64::from(replicates);
+        let posterior = stored.spec.posterior.as_ref().and_then(Posterior::of);
         let repeated = firsts.into_iter().flat_map(move |(point, first)| {
+            let posterior = posterior.clone();
             let trial = move |number| Trial {
                 point,
                 replicate: number,
-                scenario: replicate(&first, number),
+                scenario: replicate(&first, number, posterior.as_ref()),
                 levels: None,
             };
             more.clone().map(trial)

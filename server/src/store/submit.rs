@@ -23,7 +23,7 @@ use super::deletion::change_listings;
 pub(crate) use super::job_rows::NewJob;
 use super::job_rows::{JobBatches, JobOptions, JobRow, QueueStart, insert_jobs, insert_points, queue_start};
 use super::{Store, StoreError};
-use crate::sweep::Expansion;
+use crate::sweep::{Expansion, Posterior};
 #[cfg(test)]
 use crate::sweep::Trial;
 
@@ -44,6 +44,7 @@ struct SweepHead {
     labels: String,
     points: usize,
     replicates: u32,
+    runs_per_sample: Option<u32>,
 }
 
 impl NewSweep {
@@ -68,6 +69,11 @@ impl NewSweep {
                 name: spec.name,
                 points: points.len(),
                 replicates,
+                runs_per_sample: spec
+                    .posterior
+                    .as_ref()
+                    .and_then(Posterior::of)
+                    .map(|posterior| posterior.runs_per_sample()),
             },
             batches: JobBatches::start(id, jobs, move |encoder| encoder.encode(points.trials(0, replicates))),
         })
@@ -90,6 +96,7 @@ impl NewSweep {
                 labels: json(),
                 points: jobs,
                 replicates: 1,
+                runs_per_sample: None,
             },
             options: JobOptions {
                 token: token.to_owned(),
@@ -279,6 +286,7 @@ pub(super) async fn insert_study_sweep(
         labels: to_json("labels", &spec.labels)?,
         // A study that clients drive begins without a job, and a sweep has at least one point.
         points: points.max(1) as usize,
+        runs_per_sample: None,
         replicates: 1,
     };
     insert_head(tx, head, "ready", now).await?;
@@ -292,8 +300,8 @@ async fn insert_head(
     state: &'static str,
     now: Timestamp,
 ) -> Result<i64, StoreError> {
-    let sql = "INSERT INTO sweeps (id, name, spec, design, factors, labels, points, replicates, submitted_at, state)
-               VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING seq";
+    let sql = "INSERT INTO sweeps (id, name, spec, design, factors, labels, points, replicates, submitted_at, state, runs_per_sample)
+               VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING seq";
     let seq = sqlx::query_scalar(sql)
         .bind(head.id.to_string())
         .bind(head.name)
@@ -304,7 +312,8 @@ async fn insert_head(
         .bind(head.points as i64)
         .bind(head.replicates)
         .bind(now.0)
-        .bind(state);
+        .bind(state)
+        .bind(head.runs_per_sample);
     Ok(seq.fetch_one(tx).await?)
 }
 

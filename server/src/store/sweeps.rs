@@ -12,7 +12,7 @@ use super::jobs::push_label;
 use super::{Store, StoreError};
 
 /// Without the specification, which may be long, and without sweeps that are being submitted or deleted.
-const VIEW: &str = "SELECT seq, id, name, design, points, replicates, factors, labels, submitted_at FROM sweeps WHERE state = 'ready'";
+const VIEW: &str = "SELECT seq, id, name, design, points, replicates, runs_per_sample, factors, labels, submitted_at FROM sweeps WHERE state = 'ready'";
 
 /// Jobs of each sweep by state; a covering index serves it.
 pub(super) const COUNTS: &str = "SELECT sweep_id, state, count(*) AS jobs FROM jobs
@@ -109,6 +109,7 @@ fn sweep_view(row: &SqliteRow) -> Result<SweepView, StoreError> {
         design: row.parsed("design")?,
         points: row.number("points")?,
         replicates: row.number("replicates")?,
+        runs_per_sample: row.number_opt("runs_per_sample")?,
         factors: row.json("factors")?,
         counts: StateCounts::default(),
         paused: 0,

@@ -49,7 +49,7 @@ impl Study {
         seed: u64,
     ) -> Result<Scenario, Vec<Fault>> {
         let values = self.factor_names().iter().map(|name| json!(levels.get(name))).collect();
-        Ok(Scenario { seed, ..self.points.at_values(values)?.scenario })
+        self.drawn(Scenario { seed, ..self.points.at_values(values)?.scenario })
     }
 
     /// Decides about no run of its own, and adds runs at the points of a client; or every fault of the points. No more than `most` runs

@@ -57,6 +57,10 @@ pub(super) fn check_members(spec: &StudySpec, lab: &Lab, faults: &mut Vec<Fault>
         let detail = "the runs of a sweep belong to no test";
         faults.push(fault("/seeded_by", json!(spec.seeded_by), detail, "no sweeps, or another goal"));
     }
+    if spec.posterior.is_some() {
+        let detail = "a calibration finds a posterior, and draws from none";
+        faults.push(fault("/posterior", Value::Null, detail, "no `posterior`; `priors` say what is known before"));
+    }
     if spec.driver == Driver::Client {
         let detail = "only the server runs the tests of a calibration";
         faults.push(fault("/driver", json!(spec.driver), detail, "server"));

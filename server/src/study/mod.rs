@@ -35,9 +35,10 @@ use roost_api::table::TrialRow;
 use roost_design::goals::calibrate::TEST;
 use roost_design::{Answer, Finished, Point, Proposal, Question, decide};
 use roost_solver::observable::Observable;
+use roost_solver::scenario::Scenario;
 use serde_json::Value;
 
-use crate::sweep::{Point as DesignPoint, Points, Trial};
+use crate::sweep::{Point as DesignPoint, Points, Posterior, Trial};
 pub(crate) use asks::HandOut;
 use calibration::CalibrationTest;
 use impossible::ImpossiblePoint;
@@ -192,6 +193,14 @@ impl Study {
         Ok(made)
     }
 
+    /// A scenario with the parameters that its seed draws from a posterior, if the study has one.
+    fn drawn(&self, scenario: Scenario) -> Result<Scenario, Vec<Fault>> {
+        match self.spec.posterior.as_ref().and_then(Posterior::of) {
+            Some(posterior) => posterior.applied(&scenario, posterior.index_of_seed(scenario.seed)),
+            None => Ok(scenario),
+        }
+    }
+
     /// Numbers of a trial's run that its goal needs and that are no responses, by name.
     pub(crate) fn curve_points(&self, trial: &TrialRow) -> Option<&BTreeMap<String, Observable>> {
         let name = trial.factors.get(TEST).and_then(Value::as_str);
@@ -219,6 +228,7 @@ impl Study {
 
     /// The specification of its sweep: a list of the two corners of the range.
     pub(crate) fn sweep_spec(&self) -> SweepSpec {
-        read::sweep_spec(&self.spec)
+        // Its runs choose their samples by their seeds.
+        SweepSpec { posterior: None, ..read::sweep_spec(&self.spec) }
     }
 }

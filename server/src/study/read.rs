@@ -223,6 +223,10 @@ fn check_seeding(spec: &StudySpec, question: Option<&Question>, faults: &mut Vec
         let detail = "a sensitivity rests on the points of its own design, which no sweep has";
         faults.push(fault("/seeded_by", json!(spec.seeded_by), detail, "no sweeps, or another goal"));
     }
+    if spec.posterior.is_some() && !spec.seeded_by.is_empty() {
+        let detail = "the runs of a sweep have other parameters than those that this study draws";
+        faults.push(fault("/seeded_by", json!(spec.seeded_by), detail, "no sweeps, or no `posterior`"));
+    }
     for (index, sweep) in spec.seeded_by.iter().enumerate() {
         if spec.seeded_by[..index].contains(sweep) {
             let at = format!("/seeded_by/{index}");
@@ -296,6 +300,7 @@ fn sweep_of(spec: &StudySpec, rows: &[Vec<Value>]) -> SweepSpec {
         },
         factors: factors.collect(),
         replicates: 1,
+        posterior: spec.posterior.clone(),
         priority: spec.priority,
         labels: spec.labels.clone(),
         needs: spec.needs.clone(),

@@ -145,6 +145,7 @@ impl Study {
             known.count = known.count.max(index + 1);
             let mut scenario = made.scenario;
             scenario.seed = self.new_seed(&point.values(&self.question.factors), replicate, &mut known.seeds);
+            scenario = self.drawn(scenario)?;
             let levels = is_new.then_some(made.levels);
             trials.push(Trial { point: index, replicate, scenario, levels });
         }

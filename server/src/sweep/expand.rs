@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use super::levels::position;
 use super::points::{Points, RowSource};
+use super::posterior::{self, Posterior};
 use super::{Expansion, SweepLimits, levels, plan};
 use crate::document::{fault, label_faults, name_fault, prefixed, running_faults};
 use crate::mesh;
@@ -32,6 +33,10 @@ pub(crate) fn expand(
     if let Some(base) = &base {
         check_seeds("/replicates", spec.replicates, base.seed, spec.replicates, &mut faults);
     }
+    if let Some(draws) = &spec.posterior {
+        let varied: Vec<&str> = spec.factors.iter().flat_map(|factor| factor.fields()).collect();
+        faults.extend(posterior::faults(draws, complete.as_ref(), &varied));
+    }
     if !faults.is_empty() {
         levels::check(&spec.factors, &mut faults);
     }
@@ -39,9 +44,10 @@ pub(crate) fn expand(
 
     let estimate = mesh::check(&base, meshes, &limits.scenario).map_err(|found| prefixed("/base", found))?;
     let factors = plan.factors.iter().map(|factor| factor.name().to_owned()).collect();
-    let points = Points::new(&spec.base, &base, plan.factors.clone(), RowSource::Plan(plan));
+    let points = Points::new(&spec.base, &base, plan.factors.clone(), RowSource::Plan(plan))
+        .with_posterior(spec.posterior.as_ref().and_then(Posterior::of));
     let placed = |row: usize, factor: usize, value: &Value| place_in_spec(spec, row, factor, value);
-    let once_s = points.check((meshes, &limits.scenario), 0, "/base", &placed)?;
+    let once_s = points.check((meshes, &limits.scenario), (0, spec.replicates), "/base", &placed)?;
     let wall_s = once_s * f64::from(spec.replicates);
     Ok(Expansion { factors, points, replicates: spec.replicates, base, estimate, wall_s })
 }

@@ -14,6 +14,7 @@ use super::designs::PlannedFactor;
 use super::levels::position;
 use super::plan;
 use super::points::{Points, RowSource};
+use super::posterior::Posterior;
 use super::{SweepLimits, expand};
 use crate::document::{fault, read_leniently};
 
@@ -81,8 +82,9 @@ pub(crate) fn extend(
     }
     let rows = added.rows.collect();
     let placed = |row: usize, factor: usize, value: &Value| place(&extension, &factors, row, factor, value);
-    let points = Points::new(&stored.spec.base, &base, factors.clone(), RowSource::Rows(rows));
-    points.check((meshes, &limits.scenario), stored.points.len(), "", &placed)?;
+    let points = Points::new(&stored.spec.base, &base, factors.clone(), RowSource::Rows(rows))
+        .with_posterior(stored.spec.posterior.as_ref().and_then(Posterior::of));
+    points.check((meshes, &limits.scenario), (stored.points.len(), replicates), "", &placed)?;
     Ok(AddedPoints { points, replicates })
 }
 
@@ -161,9 +163,10 @@ fn place(
     }
 }
 
-/// A scenario with the seed of a replicate.
-pub(crate) fn replicate(first: &Scenario, replicate: u32) -> Scenario {
-    let mut scenario = first.clone();
+/// A scenario with the seed of a replicate, and with its parameters; these were checked.
+pub(crate) fn replicate(first: &Scenario, replicate: u32, posterior: Option<&Posterior>) -> Scenario {
+    let drawn = posterior.map(|samples| samples.applied(first, samples.index(replicate)));
+    let mut scenario = drawn.map_or_else(|| first.clone(), |drawn| drawn.expect("samples were checked"));
     scenario.seed += u64::from(replicate);
     scenario
 }

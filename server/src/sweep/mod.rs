@@ -1,7 +1,8 @@
 //! Sweeps, without IO: from the specification to design points and trials, and from trials to tables and effects.
 //!
 //! - `plan` reads factors (`factor_pointers`, `factor_values`, `levels`, `values`) and the design.
-//! - `designs` has a file per kind of design, behind one trait; `points` makes scenarios of their rows (`pointer`).
+//! - `designs` has a file per kind of design, behind one trait; `points` makes scenarios of their rows (`pointer`),
+//!   with parameters from a `posterior`.
 //! - `expand` validates a sweep and lists every fault; `extend` does the same for an extension.
 //! - `summary`, `effects`, `differences` (both by `replicates`) and `table` evaluate trials.
 
@@ -16,6 +17,7 @@ mod levels;
 mod plan;
 mod pointer;
 mod points;
+mod posterior;
 mod replicates;
 mod schema;
 mod summary;
@@ -39,6 +41,7 @@ pub(crate) use effects::{Effects, MAX_EFFECTS_BYTES};
 use expand::expand;
 pub(crate) use extend::{AddedPoints, StoredSweep, extend, replicate};
 pub(crate) use points::{Point, Points, Trial};
+pub(crate) use posterior::Posterior;
 pub(crate) use schema::json_schema;
 pub(crate) use summary::by_point;
 pub(crate) use table::{Column, Response, csv, of_points, of_trials};

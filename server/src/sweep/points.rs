@@ -15,6 +15,7 @@ use serde_json::{Map, Value, json};
 use super::designs::{Plan, PlannedFactor, Row};
 use super::extend::replicate;
 use super::pointer;
+use super::posterior::Posterior;
 use super::values::FactorValues;
 use crate::mesh;
 
@@ -65,6 +66,8 @@ pub(crate) struct Points {
     factors: Vec<PlannedFactor>,
     source: RowSource,
     count: usize,
+    /// What replicates draw their parameters from.
+    posterior: Option<Posterior>,
 }
 
 /// The place in the document that gives the value of a factor in a row.
@@ -82,7 +85,12 @@ impl Points {
             RowSource::Plan(plan) => plan.design.points(plan).count.unwrap_or(0) as usize,
             RowSource::Rows(rows) => rows.len(),
         };
-        Self { base: base.clone(), complete: json!(scenario), factors, source, count }
+        Self { base: base.clone(), complete: json!(scenario), factors, source, count, posterior: None }
+    }
+
+    /// The same points, whose replicates draw parameters from samples.
+    pub(crate) fn with_posterior(self, posterior: Option<Posterior>) -> Self {
+        Self { posterior, ..self }
     }
 
     /// Points of these factors without rows: [`Points::at_values`] makes them one by one.
@@ -141,7 +149,7 @@ impl Points {
                     (0..replicates).map(move |number| Trial {
                         point,
                         replicate: number,
-                        scenario: replicate(&scenario, number),
+                        scenario: replicate(&scenario, number, self.posterior.as_ref()),
                         levels: levels.take(),
                     })
                 },
@@ -149,18 +157,20 @@ impl Points {
         })
     }
 
-    /// Checks every point; the first has the index `first`. Returns the seconds that all take together, or every fault.
+    /// Checks every point with as many replicates; the first has the index `first`. Returns the seconds that all take together, or every fault.
     /// Faults outside all factors have pointers under `base_at`.
     pub(super) fn check(
         &self,
         (meshes, limits): (&Meshes, &roost_solver::Limits),
-        first: usize,
+        (first, replicates): (usize, u32),
         base_at: &str,
         place_of: Place,
     ) -> Result<f64, Vec<Fault>> {
         let check = |row: &Row| {
             let Point { levels, scenario } = self.point(row)?;
-            mesh::check(&scenario, meshes, limits)
+            let drawn = self.posterior.as_ref().map_or(Ok(()), |samples| samples.check(&scenario, replicates));
+            drawn
+                .and_then(|()| mesh::check(&scenario, meshes, limits))
                 .map(|estimate| estimate.wall_s)
                 .map_err(|found| (levels, found))
         };
@@ -189,6 +199,7 @@ impl Points {
                         let inner = if row_key.is_some() { "" } else { inner };
                         (format!("{place}{inner}"), row_key)
                     }
+                    None if found.pointer.starts_with("/posterior/") => (found.pointer.clone(), None),
                     None => (format!("{base_at}{}", found.pointer), None),
                 };
                 if faults.len() < MAX_FAULTS && seen.insert((pointer.clone(), row_key)) {

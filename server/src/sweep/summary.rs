@@ -5,15 +5,17 @@ use std::collections::BTreeMap;
 use roost_api::job::{FailureClass, JobState};
 use roost_api::table::{PointRow, ShareInterval, Summary, TrialRow};
 use roost_solver::experiments::is_indicator;
-use roost_stats::{Sample, share_interval};
+use roost_stats::{Nested, Sample, share_interval};
 use serde_json::Value;
 
-/// Summarises trials, which are sorted by design point.
-pub(crate) fn by_point(trials: &[TrialRow]) -> Vec<PointRow> {
-    trials.chunk_by(|one, other| one.point == other.point).map(point).collect()
+/// Summarises trials, which are sorted by design point. `runs_per_sample` are the replicates in a row that have the same parameters, if
+/// these come from a posterior.
+pub(crate) fn by_point(trials: &[TrialRow], runs_per_sample: Option<u32>) -> Vec<PointRow> {
+    let points = trials.chunk_by(|one, other| one.point == other.point);
+    points.map(|trials| point(trials, runs_per_sample)).collect()
 }
 
-fn point(trials: &[TrialRow]) -> PointRow {
+fn point(trials: &[TrialRow], runs_per_sample: Option<u32>) -> PointRow {
     let mut row = PointRow {
         point: trials[0].point,
         factors: trials[0].factors.clone(),
@@ -31,7 +33,28 @@ fn point(trials: &[TrialRow]) -> PointRow {
     }
     row.responses =
         values.into_iter().map(|(name, values)| (name.to_owned(), summary(name, &values))).collect();
+    if let Some(runs) = runs_per_sample {
+        for (name, summary) in &mut row.responses {
+            add_input(name, summary, trials, runs);
+        }
+    }
     row
+}
+
+/// Separates what comes from the parameters of a posterior from chance, and widens the interval by it.
+fn add_input(name: &str, summary: &mut Summary, trials: &[TrialRow], runs_per_sample: u32) {
+    let mut groups: BTreeMap<u32, Vec<f64>> = BTreeMap::new();
+    for trial in trials.iter().filter(|trial| trial.state == JobState::Succeeded) {
+        let value = trial.responses.get(name).and_then(Value::as_f64);
+        groups.entry(trial.replicate / runs_per_sample).or_default().extend(value);
+    }
+    let groups: Vec<Vec<f64>> = groups.into_values().collect();
+    let Some(Nested { input_deviation, chance_deviation, interval: (low, high), .. }) = Nested::of(&groups) else {
+        return;
+    };
+    (summary.input_deviation, summary.chance_deviation) = (Some(input_deviation), Some(chance_deviation));
+    let (least, most) = if is_indicator(name) { (0.0, 1.0) } else { (f64::NEG_INFINITY, f64::INFINITY) };
+    (summary.low_95, summary.high_95) = (Some(low.max(least)), Some(high.min(most)));
 }
 
 /// The mean of numbers; the counts and the shares of words. The mean of an indicator is a share. Null is no value.
@@ -60,6 +83,8 @@ fn summary(name: &str, values: &[&Value]) -> Summary {
         n: numbers.len() as u64 + trials,
         mean,
         standard_deviation: sample.and_then(|sample| sample.deviation),
+        input_deviation: None,
+        chance_deviation: None,
         low_95: interval.map(|(low, _)| low),
         high_95: interval.map(|(_, high)| high),
         words: (!words.is_empty()).then_some(words),

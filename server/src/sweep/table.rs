@@ -105,9 +105,20 @@ const SUMMARY: [SummaryColumn; 5] = [
     ("high_95", |summary| json!(summary.high_95)),
 ];
 
+/// Columns of sweeps whose replicates drew parameters from a posterior.
+const INPUT: [SummaryColumn; 2] = [
+    ("input_deviation", |summary| json!(summary.input_deviation)),
+    ("chance_deviation", |summary| json!(summary.chance_deviation)),
+];
+
 /// One row per design point: point, factors, numbers of trials, and for each response `name.n`, `name.mean` and so on; for words
-/// `name.words`, as JSON.
-pub(crate) fn of_points(factors: &[String], responses: &[Response], points: &[PointRow]) -> Vec<Column> {
+/// `name.words`, as JSON. If parameters were drawn from a posterior, `name.input_deviation` and `name.chance_deviation`.
+pub(crate) fn of_points(
+    factors: &[String],
+    responses: &[Response],
+    points: &[PointRow],
+    is_drawn: bool,
+) -> Vec<Column> {
     let each = |of: fn(&PointRow) -> Value| points.iter().map(of);
     let mut columns = vec![Column::new("point", ColumnKind::Integer, each(|row| json!(row.point)))];
     columns.extend(factors.iter().map(|name| {
@@ -126,6 +137,12 @@ pub(crate) fn of_points(factors: &[String], responses: &[Response], points: &[Po
             let kind = if end == "n" { ColumnKind::Integer } else { ColumnKind::Number };
             let values = summaries().map(|summary| summary.map(value).unwrap_or_default());
             columns.push(Column::new(&format!("{name}.{end}"), kind, values));
+        }
+        if is_drawn && (has_numbers || !has_words) {
+            for (end, value) in INPUT {
+                let values = summaries().map(|summary| summary.map(value).unwrap_or_default());
+                columns.push(Column::new(&format!("{name}.{end}"), ColumnKind::Number, values));
+            }
         }
         if has_words {
             let words =

@@ -129,7 +129,18 @@ pub(super) fn answer(study: &Study, answer: &Answer, known: &Known) -> Vec<Strin
     }
     sentences.push(assumptions(study));
     sentences.extend(sources::assumption(study));
+    sentences.extend(drawn(study));
     sentences
+}
+
+/// What the runs draw from a posterior.
+fn drawn(study: &Study) -> Option<String> {
+    let parameters = study.spec.posterior.as_ref()?.parameters.as_ref()?;
+    let names: Vec<String> = parameters.iter().map(|pointer| Quantity::of_field(pointer).name).collect();
+    Some(format!(
+        "Every run draws {} from a posterior: probabilities, means and their intervals are over these parameters and chance.",
+        list(&names)
+    ))
 }
 
 /// The points that were left out, and why.

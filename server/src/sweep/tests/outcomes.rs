@@ -35,7 +35,7 @@ fn means_and_intervals_match_scipy() {
         let values = expected["values"].as_array().unwrap().iter();
         let trials: Vec<_> =
             (0..).zip(values).map(|(r, y)| trial(0, r, json!({}), json!({"y": y}))).collect();
-        let row = &by_point(&trials)[0];
+        let row = &by_point(&trials, None)[0];
         let summary = &row.responses["y"];
         assert_eq!(summary.n, trials.len() as u64);
         near(summary.mean, &expected["mean"]);
@@ -54,7 +54,7 @@ fn points_average_succeeded_trials_and_count_failed_ones() {
         trial(1, 0, json!({"/a": 2}), json!({"y": 5, "regime": "no_flow"})),
     ];
     (trials[2].state, trials[2].failure_class) = (JobState::Failed, Some(FailureClass::Unstable));
-    let rows = by_point(&trials);
+    let rows = by_point(&trials, None);
     assert_eq!((rows[0].counts.succeeded, rows[0].counts.failed, rows[0].unstable), (2, 1, 1));
     assert_eq!((rows[0].responses["y"].n, rows[0].responses["y"].mean), (2, Some(3.0)), "100 is in no mean");
     assert_eq!((rows[0].responses["t"].n, rows[0].responses["t"].standard_deviation), (1, None));
@@ -82,18 +82,18 @@ fn mean_of_an_indicator_is_a_share_with_its_interval() {
     let jammed = |r: u32| if r == 10 { Value::Null } else { json!(u8::from(r < 4)) };
     let trials: Vec<_> =
         (0..11).map(|r| trial(0, r, json!({}), json!({"jammed": jammed(r), "y": jammed(r)}))).collect();
-    let row = &by_point(&trials)[0];
+    let row = &by_point(&trials, None)[0];
     let (jammed, number) = (&row.responses["jammed"], &row.responses["y"]);
     assert_eq!((jammed.n, jammed.mean), (10, Some(0.4)));
     near(jammed.low_95, &json!(0.16818032970623614));
     near(jammed.high_95, &json!(0.6873262302663417));
     assert!(number.low_95.unwrap() < 0.04, "a number has Student's interval: {number:?}");
     // A single trial has an interval, and it is never a point.
-    let single = &by_point(&trials[..1])[0].responses["jammed"];
+    let single = &by_point(&trials[..1], None)[0].responses["jammed"];
     near(single.low_95, &json!(0.20654931437723745));
     assert_eq!(single.high_95, Some(1.0));
     let responses = [Response { name: "jammed".to_owned(), has_numbers: true, has_words: false }];
-    let csv = String::from_utf8(csv(&of_points(&[], &responses, std::slice::from_ref(row)), true).unwrap())
+    let csv = String::from_utf8(csv(&of_points(&[], &responses, std::slice::from_ref(row), false), true).unwrap())
         .unwrap();
     let head = "jammed.n,jammed.mean,jammed.standard_deviation,jammed.low_95,jammed.high_95";
     assert!(csv.lines().next().unwrap().ends_with(head), "{csv}");
@@ -287,7 +287,7 @@ fn a_parquet_file_equals_the_table() {
     assert_eq!(rows[2].get_string(7).unwrap(), "lost");
 
     let csv =
-        String::from_utf8(csv(&of_points(&names, &responses, &by_point(&trials)), true).unwrap()).unwrap();
+        String::from_utf8(csv(&of_points(&names, &responses, &by_point(&trials, None), false), true).unwrap()).unwrap();
     let head = csv.lines().next().unwrap();
     assert!(head.starts_with("point,/a,/w,trials,succeeded,failed,unstable,n.n,n.mean,"), "{head}");
     assert!(head.contains(",ok.n,ok.words,") && head.ends_with(",y.low_95,y.high_95"), "{head}");

@@ -1,0 +1,66 @@
+//! Posteriors of calibrations: a submitted document names a study, and gets the samples of its answer as they are at that moment.
+
+use roost_api::ids::SweepId;
+use roost_design::goals::calibrate::TEST;
+use serde_json::{Map, Value, json};
+
+use super::problem::ApiError;
+use crate::document::fault;
+use crate::state::App;
+
+/// Fills in the samples of the study that `posterior` names. Other documents, and other forms of it, stay as they are.
+///
+/// # Errors
+/// A fault, if there is no such study, or if its answer has no samples.
+pub(super) async fn fill_in(app: &App, document: &mut Value) -> Result<(), ApiError> {
+    let Some(draws) = document.get_mut("posterior").and_then(Value::as_object_mut) else { return Ok(()) };
+    draws.entry("runs_per_sample").or_insert(json!(2));
+    if draws.contains_key("samples") {
+        return Ok(());
+    }
+    let named = draws.get("study").and_then(Value::as_str).and_then(|id| id.parse::<SweepId>().ok());
+    let Some(id) = named else { return Ok(()) };
+    let refuse = |detail: &str| {
+        let allowed = "a study with the goal calibrate whose answer has samples";
+        Err(ApiError::faults(vec![fault("/posterior/study", json!(id), detail, allowed)]))
+    };
+    let Some(study) = app.store.study(id).await? else { return refuse("there is no such study") };
+    let finding = study.answer.as_ref().and_then(|answer| answer.pointer("/finding/calibrate"));
+    let Some(finding) = finding else { return refuse("this study is no calibration") };
+    let samples = finding["samples"].as_array().cloned().unwrap_or_default();
+    if samples.is_empty() {
+        return refuse("the answer of this study has no samples yet");
+    }
+    let spec = study.present()?.spec();
+    let factors: Vec<Vec<&str>> = spec
+        .factors
+        .iter()
+        .filter(|factor| factor.name() != TEST)
+        .map(|factor| factor.fields())
+        .collect();
+    draws.extend(columns(&factors, &samples));
+    Ok(())
+}
+
+/// Parameters and samples, with a column for each field: linked fields have the same values.
+fn columns(factors: &[Vec<&str>], samples: &[Value]) -> Map<String, Value> {
+    let fields: Vec<&str> = factors.concat();
+    let row = |sample: &Value| -> Vec<Value> {
+        let each = factors.iter().enumerate();
+        each.flat_map(|(index, fields)| fields.iter().map(move |_| sample[index].clone())).collect()
+    };
+    let rows: Vec<Vec<Value>> = samples.iter().map(row).collect();
+    Map::from_iter([("parameters".to_owned(), json!(fields)), ("samples".to_owned(), json!(rows))])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn linked_fields_share_their_column() {
+        let filled = columns(&[vec!["/a/x", "/b/x"], vec!["/c"]], &[json!([1.0, 2.0]), json!([3.0, 4.0])]);
+        assert_eq!(filled["parameters"], json!(["/a/x", "/b/x", "/c"]));
+        assert_eq!(filled["samples"], json!([[1.0, 1.0, 2.0], [3.0, 3.0, 4.0]]));
+    }
+}
