@@ -65,7 +65,11 @@ declare global {
   type SobolIndices = { factor: string; first_order: Estimated; total: Estimated };
   type MorrisEffects = { factor: string; mu: number; mu_star: Estimated; sigma: number; noise_floor: number | null; has_effect: boolean | null };
   type SensitivityFinding = { measures: { of: StudyMeasure; effects: { sobol: SobolIndices[] } | { morris: MorrisEffects[] } | null }[] };
-  type Finding = { estimate: { points: PointEstimate[] } } | { boundary: BoundaryFinding } | { optimise: OptimiseFinding } | { sensitivity: SensitivityFinding };
+  type CalibrateInterval = { mean: number; low: number; high: number };
+  type ParameterEstimate = { parameter: string; estimate: CalibrateInterval; best: number; remaining: number };
+  type TargetAgreement = { target: { test: string; of: StudyMeasure; mean: number; deviation: number; n: number }; simulated: CalibrateInterval | null; distance: number | null };
+  type CalibrateFinding = { parameters: ParameterEstimate[]; samples: number[][]; targets: TargetAgreement[] };
+  type Finding = { calibrate: CalibrateFinding } | { estimate: { points: PointEstimate[] } } | { boundary: BoundaryFinding } | { optimise: OptimiseFinding } | { sensitivity: SensitivityFinding };
   /** A factor of a study; `pointer` is that of its first field. */
   type StudyFactor = { pointer: string; label: string; low: number; high: number; is_log: boolean; levels: StudyValue[] | null };
 

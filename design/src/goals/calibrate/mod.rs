@@ -27,6 +27,8 @@ mod sampler;
 mod target;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tests_emcee;
 
 use std::collections::BTreeMap;
 

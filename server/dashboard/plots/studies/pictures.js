@@ -5,6 +5,7 @@ import { h } from "../../dom.js";
 import { factorLabel } from "../../format.js";
 import { pointersOf } from "../../document.js";
 import { boundaryPictures } from "./boundary.js";
+import { calibratePictures } from "./calibrate.js";
 import { estimatePictures } from "./estimate.js";
 import { measureLabel } from "./labels.js";
 import { optimisePictures } from "./optimise.js";
@@ -17,7 +18,7 @@ import { sensitivityPictures } from "./sensitivity.js";
 /** @typedef {{ goal: any, factors: StudyFactor[], label: (of: StudyMeasure) => string }} PictureInput */
 
 /** @type {Record<string, (input: PictureInput) => Picture[]>} */
-const BY_GOAL = { estimate: estimatePictures, boundary: boundaryPictures, optimise: optimisePictures, sensitivity: sensitivityPictures };
+const BY_GOAL = { estimate: estimatePictures, boundary: boundaryPictures, optimise: optimisePictures, sensitivity: sensitivityPictures, calibrate: calibratePictures };
 
 /**
  * The pictures of a study; `draw` gets the numbers of its answer, null before the first.

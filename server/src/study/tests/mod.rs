@@ -1,5 +1,6 @@
 //! Evidence, trials and sentences of studies.
 
+mod calibration;
 mod factors;
 mod impossible;
 

@@ -4,6 +4,7 @@ mod designs;
 mod extensions;
 mod faults;
 mod outcomes;
+mod posterior;
 
 use roost_api::sweep::SweepSpec;
 use roost_solver::Limits;

@@ -9,7 +9,7 @@ use roost_api::table::{Pairing, PairingGain, ResponseEffects, TrialRow};
 
 use super::*;
 
-fn trial(point: u32, replicate: u32, factors: Value, responses: Value) -> TrialRow {
+pub(super) fn trial(point: u32, replicate: u32, factors: Value, responses: Value) -> TrialRow {
     TrialRow {
         job_id: JobId::new(),
         point,

@@ -154,11 +154,23 @@ pub(super) fn measure_value(measure: &Measure, value: f64) -> String {
 
 /// A pair of axes with its grid.
 pub(super) fn chart<'a, 'b>(area: &'a Area<'b>, x: Axis, y: Axis) -> Result<Chart<'a, 'b>> {
+    chart_with(area, x, y, 11)
+}
+
+/// A pair of axes with at most so many numbers along each.
+pub(super) fn chart_with<'a, 'b>(
+    area: &'a Area<'b>,
+    x: Axis,
+    y: Axis,
+    labels: usize,
+) -> Result<Chart<'a, 'b>> {
     let mut builder = ChartBuilder::on(area);
     builder.margin(12).x_label_area_size(44).y_label_area_size(64);
     let mut chart = builder.build_cartesian_2d(x.range, y.range)?;
     let mut mesh = chart.configure_mesh();
-    mesh.x_desc(x.label)
+    mesh.x_labels(labels)
+        .y_labels(labels)
+        .x_desc(x.label)
         .y_desc(y.label)
         .axis_desc_style((FONT, 15))
         .label_style((FONT, 13))

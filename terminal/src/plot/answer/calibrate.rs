@@ -8,7 +8,7 @@ use roost_design::goals::CalibrateAnswer;
 use roost_design::goals::calibrate::TargetAgreement;
 use roost_design::{Factor, Scale};
 
-use super::axis::{Axis, AxisRange, chart, measure_value, spread};
+use super::axis::{Axis, AxisRange, chart_with, measure_value, spread};
 use super::legend::{self, Glyph};
 use super::{Area, BLUE, Body, ORANGE};
 use crate::plot::{FONT, WIDTH};
@@ -20,6 +20,8 @@ const ROW_HEIGHT: u32 = 44;
 const FRAME_HEIGHT: u32 = 84;
 /// Width of the names of rows, in pixels.
 const NAMES_WIDTH: u32 = 330;
+/// Maximum number of numbers along an axis of the samples.
+const LABELS: usize = 4;
 /// Number of columns of a histogram.
 const COLUMNS: usize = 24;
 
@@ -73,7 +75,7 @@ impl Calibration<'_> {
                 if row == column {
                     self.draw_histogram(&panel, row)?;
                 } else {
-                    let mut chart = chart(&panel, self.axis(column), self.axis(row))?;
+                    let mut chart = chart_with(&panel, self.axis(column), self.axis(row), LABELS)?;
                     let pairs = self.samples(column).zip(self.samples(row));
                     chart.draw_series(pairs.map(|at| Circle::new(at, 2, BLUE.mix(0.25).filled())))?;
                     let best = (self.found.parameters[column].best, self.found.parameters[row].best);
@@ -102,7 +104,7 @@ impl Calibration<'_> {
             }
         };
         let height = Axis { label: "samples".to_owned(), range: AxisRange::Linear((0.0..1.08 * highest).into()) };
-        let mut chart = chart(panel, axis, height)?;
+        let mut chart = chart_with(panel, axis, height, LABELS)?;
         let bars = columns.iter().enumerate().map(|(column, count)| {
             Rectangle::new([(at(column), 0.0), (at(column + 1), *count)], BLUE.mix(0.5).filled())
         });
