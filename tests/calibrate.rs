@@ -87,3 +87,14 @@ fn files_that_a_calibration_names_are_refused_by_name() {
     let words = refused("sweep.json", posterior);
     assert!(words.contains("/posterior/file") && words.contains("no answer of a calibration"), "{words}");
 }
+
+#[test]
+fn example_of_the_paper_is_valid_and_shown_as_it_is() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/docs");
+    let example = format!("{folder}/examples/studies/paper-calibration.json");
+    let report = roost().args(["validate", "--json", &example]).output().unwrap();
+    assert!(report.status.success(), "{}", transcript(&report));
+    let text = std::fs::read_to_string(&example).unwrap();
+    let page = std::fs::read_to_string(format!("{folder}/howto/calibrate.md")).unwrap();
+    assert!(page.contains(text.trim_end()));
+}

@@ -180,7 +180,7 @@ fn interrupted_study_says_how_it_goes_on() {
     assert!(log.contains("the same command goes on with the study"), "{log}");
 }
 
-/// The example questions with small hoppers, few runs and wide intervals, and their goals.
+/// The example questions with small hoppers, few runs and wide intervals, and their goals. `calibrate.rs` has the calibration.
 fn small_examples() -> Vec<(String, &'static str, Value)> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/examples/studies");
     let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
@@ -203,7 +203,10 @@ fn small_examples() -> Vec<(String, &'static str, Value)> {
         asked["budget"]["max_runs"] = json!(runs[goal]);
         (file.file_stem().unwrap().to_str().unwrap().to_owned(), goal, asked)
     };
-    files.filter(|file| file.extension().is_some_and(|extension| extension == "json")).map(small).collect()
+    let is_small = |file: &PathBuf| {
+        file.extension().is_some_and(|extension| extension == "json") && !file.ends_with("paper-calibration.json")
+    };
+    files.filter(is_small).map(small).collect()
 }
 
 #[test]
