@@ -61,10 +61,11 @@ def ln_density(state):
 rng = np.random.default_rng(1)
 walkers = 32
 start = np.column_stack([rng.uniform(0.3, 0.7, (walkers, 2)), np.abs(rng.normal(0, 0.5, walkers))])
-sampler = emcee.EnsembleSampler(walkers, 3, ln_density)
+moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
+sampler = emcee.EnsembleSampler(walkers, 3, ln_density, moves=moves)
 sampler.random_state = np.random.RandomState(1).get_state()
-sampler.run_mcmc(start, 6000)
-samples = sampler.get_chain(discard=1000, flat=True)
+sampler.run_mcmc(start, 20000)
+samples = sampler.get_chain(discard=2000, flat=True)
 samples[:, 2] *= DISCREPANCY
 quantiles = np.quantile(samples, [0.025, 0.5, 0.975], axis=0)
 table["emcee"] = [
