@@ -185,6 +185,20 @@ fn measurements_are_checked() {
 }
 
 #[test]
+fn kitchen_tests_are_checked() {
+    let sandbox = Sandbox::new();
+    let page = "docs/howto/kitchen-tests.md";
+    let replaced = ("roost validate kitchen.json", "roost validate kitchen.json > report");
+    run(&sandbox, page, "kitchen_tests_are_checked", &[replaced], "");
+    let report = std::fs::read_to_string(sandbox.path("report")).unwrap();
+    for printed in
+        ["mean 22 °, standard", "mean 0.192 s", "mean 48400 Pa", "mean 922 kg/m³", "discharged_mass"]
+    {
+        assert!(report.contains(printed), "{printed}: {report}");
+    }
+}
+
+#[test]
 fn a_sweep_gets_more_replicates() {
     let sandbox = Sandbox::new();
     let _server = sandbox.start_server();
