@@ -17,6 +17,7 @@ pub mod measurements;
 pub mod mesh;
 pub mod outputs;
 pub mod page;
+pub mod parameters;
 pub mod printable;
 pub mod problem;
 pub mod prune;

@@ -6,6 +6,7 @@ use axum::response::{IntoResponse, Response};
 use axum::{Extension, Json};
 use roost_api::API_VERSION;
 use roost_api::outputs::OutputTable;
+use roost_api::parameters::ParameterLibrary;
 use roost_api::problem::Problem;
 use roost_api::version::VersionView;
 use roost_solver::SOLVER_REVISION;
@@ -80,6 +81,13 @@ pub(crate) async fn scenario_schema() -> Json<Value> {
     responses((status = 200, description = "The table of results", body = OutputTable)))]
 pub(crate) async fn responses() -> Json<OutputTable> {
     Json(OutputTable::of_solver())
+}
+
+/// Shows published properties of meat, poultry and fish by field of the scenario, with their sources.
+#[utoipa::path(get, path = "/v1/parameters", tag = "documents", operation_id = "parameters",
+    responses((status = 200, description = "The parameter library", body = ParameterLibrary)))]
+pub(crate) async fn parameters() -> Json<ParameterLibrary> {
+    Json(ParameterLibrary::of_this_version())
 }
 
 /// Shows the JSON Schema of a sweep, which includes that of its base.

@@ -150,6 +150,7 @@ fn routes(
         .routes(routes!(meta::scenario_schema))
         .routes(routes!(meta::sweep_schema))
         .routes(routes!(meta::responses))
+        .routes(routes!(meta::parameters))
         .routes(routes!(meta::version))
         .routes(routes!(prune::prune))
         .routes(routes!(workers::register, workers::list))

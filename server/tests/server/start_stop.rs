@@ -106,5 +106,8 @@ async fn health_readiness_and_version_are_answered() {
     assert_eq!((&regime["unit"], &regime["experiments"]), (&json!(""), &json!(["hopper"])));
     assert_eq!(table["series"][0]["name"], "discharged_mass");
     assert!(table["curves"].as_array().unwrap().iter().any(|row| row["over"] == "strain"), "{table}");
+    let library = server.get("/v1/parameters").await.expect(StatusCode::OK);
+    let published = serde_json::to_value(roost_api::parameters::ParameterLibrary::of_this_version()).unwrap();
+    assert!(library["entries"].as_array().is_some_and(|entries| entries.len() > 20) && library == published);
     server.stop().await;
 }
