@@ -11,6 +11,8 @@ declare global {
   type JobState = Schemas["JobState"];
   type JobView = Schemas["JobView"];
   type OutputTable = Schemas["OutputTable"];
+  type ParameterEntry = Schemas["ParameterEntry"];
+  type ParameterLibrary = Schemas["ParameterLibrary"];
   type PairingGain = Schemas["PairingGain"];
   type PointRow = Schemas["PointRow"];
   type ResponseEffects = Schemas["ResponseEffects"];

@@ -9,6 +9,7 @@ use super::text;
 pub(crate) const GATE: &str = "/equipment/gate_opening_m";
 pub(crate) const BELT: &str = "/equipment/belt_speed_m_s";
 pub(crate) const POINTS: u64 = 9;
+const FRICTION: &str = "/contact/fillet_fillet/static_friction";
 
 #[test]
 fn invalid_sweeps_are_refused_and_not_saved_as_draft() {
@@ -29,6 +30,36 @@ fn invalid_sweeps_are_refused_and_not_saved_as_draft() {
     page.open("/submit");
     page.until("the draft from before", "find.control('Submit 1 job')");
     assert!(page.errors().is_empty());
+}
+
+#[test]
+fn fields_show_their_published_intervals() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let mut page = Page::new(&sandbox.address);
+    page.open("/submit");
+    page.until("the form shows an estimate", "find.control('Submit 1 job')");
+    page.click_named("contact, fillet fillet");
+    page.click("find.field('Static friction').closest('div').querySelector('summary')");
+    let rows = "[...find.field('Static friction').closest('div').querySelectorAll('li')].map((row) => row.textContent)";
+    let rows: Vec<String> = page.value(rows);
+    let library = sandbox.get("/v1/parameters");
+    let own = |entry: &&Value| entry["fields"].as_array().unwrap().contains(&json!(FRICTION));
+    let own: Vec<&Value> = library["entries"].as_array().unwrap().iter().filter(own).collect();
+    assert!(own.len() > 1 && own.len() == rows.len(), "{rows:?}");
+    for (row, entry) in rows.iter().zip(own) {
+        let numbers = match entry["status"].as_str() {
+            Some("interval") => format!(": {} to {} (", entry["low"], entry["high"]),
+            _ => format!(": no interval published ({} alone); test: slide (", entry["single_value"]),
+        };
+        assert!(row.starts_with(text(&entry["product"])) && row.contains(&numbers), "{row} is not {numbers}");
+        assert!(row.ends_with(text(&entry["place"])), "{row}");
+    }
+    let links: Vec<String> = page.value("[...document.querySelectorAll('.published a')].map((a) => a.href)");
+    assert!(links.len() > 20 && links.iter().all(|link| link.starts_with("http")), "{links:?}");
+    // A field without an entry has no such list.
+    assert!(page.value::<bool>("find.field('Count').closest('div').querySelector('.published') === null"));
+    assert!(page.audit().is_empty() && page.errors().is_empty());
 }
 
 /// Fills in the form and submits it. Returns the id of the sweep, whose page is then open.

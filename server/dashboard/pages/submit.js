@@ -5,6 +5,7 @@
 import { idempotentPost, post, read } from "../api.js";
 import { fill, h, withCode } from "../dom.js";
 import { duration, factorLabel, plural, number } from "../format.js";
+import { publishedValues, readLibrary } from "../library.js";
 import { action, choice, errorBox, facts, parameter, setParameters } from "../parts.js";
 import { readSchema } from "../schema.js";
 import { fields, sections, isFor, linkedTo, pointersOf, readField, whyUnreadable, writeField } from "../document.js";
@@ -29,7 +30,7 @@ async function cloned() {
 /** @param {HTMLElement} main */
 export async function show(main) {
   document.title = "Submit · Roost";
-  const schema = await readSchema();
+  const [schema, library] = await Promise.all([readSchema(), readLibrary()]);
   const all = fields(schema);
   const draft = (await cloned()) ?? JSON.parse(sessionStorage.getItem(DRAFT) ?? "null");
   /** @type {SweepSpec} */
@@ -110,7 +111,7 @@ export async function show(main) {
         }
       } });
     inputs.set(field.pointer, { box, note });
-    return h("label", { title: field.doc }, h("span", {}, field.title, field.unit && ` (${field.unit})`), box, list, h("span", {}, field.range), linked.length > 0 && h("span", {}, `same value as ${linked.map((pointer) => factorLabel(pointer)).join(", ")}`), note);
+    return h("div", {}, h("label", { title: field.doc }, h("span", {}, field.title, field.unit && ` (${field.unit})`), box, list, h("span", {}, field.range), linked.length > 0 && h("span", {}, `same value as ${linked.map((pointer) => factorLabel(pointer)).join(", ")}`), note), publishedValues(library, field.pointer));
   }
   /** @param {string} pointer @param {string | null} message */
   function setError(pointer, message) {
