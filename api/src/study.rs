@@ -180,6 +180,12 @@ pub struct SeedingSweep {
     pub other_scenarios: u64,
     /// The first field in which the first of these differs.
     pub first_difference: Option<String>,
+    /// Runs left out because a factor lacks their level, or because their value is no number. Wider ranges cannot include them.
+    #[serde(default)]
+    pub other_levels: u64,
+    /// The factor and the level of the first of these, such as `/equipment/side_walls = "rough"`.
+    #[serde(default)]
+    pub first_other_level: Option<String>,
     /// Runs left out because another revision of the solver made their results.
     pub other_revisions: u64,
     /// Runs left out because they have no result.

@@ -1,13 +1,14 @@
 //! Seeding: finished runs of earlier sweeps become observations of a new study.
 //!
 //! A run is copied if its scenario is that of the base with other values of the factors and another seed, and its result comes from the
-//! present revision of the solver. A copy survives the deletion of its sweep.
+//! present revision of the solver. Values outside a range are copied too, since ranges grow. Levels that a factor lacks are not: lists of
+//! levels never grow. A copy survives the deletion of its sweep.
 
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 use roost_api::ids::SweepId;
 use roost_api::study::SeedingSweep;
-use roost_design::Outcome;
+use roost_design::{Factor, Outcome};
 use roost_solver::SOLVER_REVISION;
 use roost_solver::scenario::{self, Scenario, escape};
 use serde_json::{Map, Value, json};
@@ -47,6 +48,8 @@ impl Study {
             copied: 0,
             other_scenarios: 0,
             first_difference: None,
+            other_levels: 0,
+            first_other_level: None,
             other_revisions: 0,
             without_result,
             repeated: 0,
@@ -63,6 +66,11 @@ impl Study {
                     continue;
                 }
             };
+            if let Some(level) = self.other_level(&levels) {
+                counts.other_levels += 1;
+                counts.first_other_level.get_or_insert(level);
+                continue;
+            }
             if run.solver_revision != SOLVER_REVISION {
                 counts.other_revisions += 1;
                 continue;
@@ -84,6 +92,14 @@ impl Study {
         }
         counts.shares_seeds = points_by_seed.values().any(|points| points.len() > 1);
         (counts, observations)
+    }
+
+    /// The first factor that can never have its value, with the value: `/equipment/side_walls = "rough"`.
+    fn other_level(&self, levels: &BTreeMap<String, Value>) -> Option<String> {
+        let unknown =
+            |factor: &&Factor| levels.get(&factor.name).and_then(|value| factor.number(value)).is_none();
+        let factor = self.question.factors.iter().find(unknown)?;
+        Some(format!("{} = {}", factor.name, json!(levels.get(&factor.name))))
     }
 
     /// The values of the factors in a scenario that differs from the base in nothing else but the seed, and its seed; or the first field

@@ -50,9 +50,14 @@ pub(crate) fn left_out(seeding: &SeedingSweep, outside: u64) -> Vec<String> {
         Some(pointer) => format!("of other scenarios (the first differs in `{pointer}`)"),
         None => "of other scenarios".to_owned(),
     };
+    let levels = match &seeding.first_other_level {
+        Some(level) => format!("at levels that their factors lack (the first is `{level}`)"),
+        None => "at levels that their factors lack".to_owned(),
+    };
     let reasons = [
         (outside, "outside the ranges"),
         (seeding.other_scenarios, &difference),
+        (seeding.other_levels, &levels),
         (seeding.other_revisions, "of other solver revisions"),
         (seeding.without_result, "without a result"),
         (seeding.repeated, "that repeat another"),

@@ -10,8 +10,8 @@ use roost_solver::Limits;
 use roost_solver::mesh::Meshes;
 use serde_json::{Map, Value, json};
 
-use super::{GATE, boundary, document, trials};
-use crate::study::read;
+use super::{GATE, boundary, copy, document, present, sweep_run, trials};
+use crate::study::{Study, read};
 use crate::sweep::SweepLimits;
 
 const COUNT: &str = "/product/count";
@@ -114,6 +114,29 @@ fn every_level_is_checked_with_the_rules_of_the_scenario() {
         pointer == "/factors/1/levels" && detail.starts_with("/equipment/side_walls has levels"),
         "{detail}"
     );
+}
+
+#[test]
+fn copied_runs_at_levels_that_a_factor_lacks_are_named_apart() {
+    let mut document = document(optimise());
+    document["factors"][0] = json!({"pointer": GATE, "levels": [0.05, 0.06]});
+    let limits = SweepLimits { max_jobs: 1000, scenario: Limits::NONE };
+    let (mut study, _) = read(document, &Meshes::default(), limits).unwrap();
+    let run = |gate: f64, speed: f64, seed: u64| sweep_run(gate, speed, seed, &|_| {});
+    // The second is outside the range of speeds, and can come into it; the others never can.
+    let runs = [run(0.05, 0.5, 1), run(0.06, 2.0, 2), run(0.07, 0.5, 3), run(0.08, 2.0, 4)];
+    let copies = copy(&mut study, &runs);
+    let counts = &study.seeding[0];
+    assert_eq!((copies.len(), counts.copied, counts.other_levels), (2, 2, 2));
+    let decided = study.decide(&[], &copies, 0).unwrap();
+    let expected = "Left out of this sweep: 1 run outside the ranges, 2 runs at levels that their factors lack (the first is \
+                    `/equipment/gate_opening_m = 0.07`) and 3 runs without a result.";
+    assert!(decided.sentences.iter().any(|sentence| sentence == expected), "{:?}", decided.sentences);
+    // The wider range has the speed.
+    let ranges = Some(vec![(0.0, 0.0), (0.1, 3.0)]);
+    let wider = Study::stored(present(&study, ranges)).unwrap().decide(&[], &copies, 0).unwrap();
+    let expected = expected.replace("1 run outside the ranges, ", "");
+    assert!(wider.sentences.contains(&expected), "{:?}", wider.sentences);
 }
 
 #[test]
