@@ -9,6 +9,8 @@ use crate::list;
 use crate::target::{self, Target};
 
 /// Queue the failed and cancelled jobs of a sweep, or one job, again
+///
+/// A cancelled study goes on by the retry of its sweep, which has the same id.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep or a job
@@ -33,7 +35,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
                     message!("nothing to retry: no job has failed as {}", class.as_str());
                 }
                 None if sweep.counts.failed + sweep.counts.cancelled == 0 => {
-                    message!("nothing to retry: no job has failed or was cancelled");
+                    message!("nothing to retry: no job has failed or was cancelled; a cancelled study goes on all the same");
                 }
                 _ => {}
             }

@@ -13,7 +13,7 @@ use uuid::Uuid;
 use super::blocking::{run_blocking, run_detached};
 use super::extract::{Document, Segments};
 use super::problem::{ApiError, ProblemKind};
-use super::studies::{stored, view_of};
+use super::studies::{cancelled, stored, view_of};
 use super::submissions::Reserved;
 use crate::decider::cancel_rest;
 use crate::document::{fault, prefixed, read_leniently, with_content_faults};
@@ -88,6 +88,9 @@ async fn asked(
         let stored = stored(app, id).await?;
         if stored.state == StudyState::Finished && ask.points.is_none() {
             return Ok(Asked { runs: Vec::new(), jobs: Vec::new(), study: view_of(app, id).await? });
+        }
+        if stored.state == StudyState::Cancelled {
+            return Err(cancelled(id));
         }
         if stored.state != StudyState::Running {
             let detail = format!("the study is {}: a running one has runs to do", stored.state);
@@ -205,8 +208,7 @@ pub(crate) async fn tell(
     let Some(tell) = tell else { return Err(ApiError::faults(listed)) };
     let study = stored(&app, id).await?;
     if study.state == StudyState::Cancelled {
-        let detail = "the study is cancelled: a retry of its sweep continues it";
-        return Err(ApiError::new(ProblemKind::WrongState, detail));
+        return Err(cancelled(id));
     }
     let (present, handed_out) = (study.present()?, app.store.numbers_handed_out(id).await?);
     let told = run_blocking(move || match Study::stored(present)?.read_outcomes(&tell, &handed_out) {

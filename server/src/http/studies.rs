@@ -176,12 +176,13 @@ pub(crate) async fn resume(
 }
 
 async fn set_paused(app: App, id: SweepId, pause: bool) -> Result<Json<StudyView>, ApiError> {
-    let state = stored(&app, id).await?.state;
-    if matches!(state, StudyState::Finished | StudyState::Cancelled) {
-        let detail = format!(
-            "the study is {state}: `budget` continues a finished one, and a retry of its sweep a cancelled one"
-        );
-        return Err(ApiError::new(ProblemKind::WrongState, detail));
+    match stored(&app, id).await?.state {
+        StudyState::Running | StudyState::Paused => {}
+        StudyState::Cancelled => return Err(cancelled(id)),
+        StudyState::Finished => {
+            let detail = "the study is finished: a larger budget or wider ranges continue it";
+            return Err(ApiError::new(ProblemKind::WrongState, detail));
+        }
     }
     let shared = app.clone();
     let change = async move {
@@ -229,8 +230,7 @@ pub(crate) async fn budget(
     let study = stored(&app, id).await?;
     let (now, most) = (study.max_runs, app.config.max_jobs_per_sweep);
     if study.state == StudyState::Cancelled {
-        let detail = "the study is cancelled: a retry of its sweep continues it";
-        return Err(ApiError::new(ProblemKind::WrongState, detail));
+        return Err(cancelled(id));
     }
     // A smaller one would come too late: the runs are there.
     let is_raised = change.max_runs > now && u64::from(change.max_runs) <= most;
@@ -261,8 +261,7 @@ pub(crate) async fn ranges(
     let change: RangeChange = read_document(document).map_err(ApiError::faults)?;
     let study = stored(&app, id).await?;
     if study.state == StudyState::Cancelled {
-        let detail = "the study is cancelled: a retry of its sweep continues it";
-        return Err(ApiError::new(ProblemKind::WrongState, detail));
+        return Err(cancelled(id));
     }
     let (present, limits) = (study.present()?, limits(&app));
     let meshes = app.mesh_cache.meshes_of(&json!(present.submitted), &app.store).await?;
@@ -274,6 +273,13 @@ pub(crate) async fn ranges(
         return Err(ApiError::new(ProblemKind::WrongState, detail));
     }
     view_of(&app, id).await.map(Json)
+}
+
+/// The refusal of a change of a cancelled study.
+pub(super) fn cancelled(id: SweepId) -> ApiError {
+    let detail =
+        format!("the study is cancelled: POST /v1/sweeps/{id}/retry or `roost retry {id}` continues it");
+    ApiError::new(ProblemKind::WrongState, detail)
 }
 
 pub(super) async fn stored(app: &App, id: SweepId) -> Result<StoredStudy, ApiError> {

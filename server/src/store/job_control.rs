@@ -155,7 +155,8 @@ impl Store {
             .await
     }
 
-    /// Queues the failed and cancelled jobs of a sweep again, in slices. Returns their number.
+    /// Queues the failed and cancelled jobs of a sweep again, in slices. Returns their number. Without a class of failures, a cancelled
+    /// study goes on even if it has no such jobs: its runs may all have ended, or be those of clients.
     pub(crate) async fn retry_sweep(
         &self,
         id: SweepId,
@@ -189,6 +190,9 @@ impl Store {
                 Ok(more) => queued += more,
                 Err(refusal) => return Ok(Err(refusal)),
             }
+        }
+        if class_filter.is_none() {
+            self.change_study(id, &[StudyState::Cancelled], StudyState::Running, None).await?;
         }
         Ok(Ok(queued))
     }

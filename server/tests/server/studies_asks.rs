@@ -219,6 +219,34 @@ async fn a_client_drives_jobs_and_tells_runs_of_its_own() {
 }
 
 #[tokio::test]
+async fn a_cancelled_study_without_jobs_goes_on_as_its_refusals_say() {
+    let (server, _dir) = TestServer::start().await;
+    let id = driven(&server, 60).await;
+    let runs = hand_out(&server, &id, 2).await;
+    server.post(&format!("/v1/studies/{id}/cancel"), &json!({})).await.expect(StatusCode::OK);
+    let told: Vec<Value> = runs.iter().map(outcome).collect();
+    let retry = format!("/v1/sweeps/{id}/retry");
+    for refused in [
+        ask(&server, &id, json!({"count": 1})).await,
+        tell(&server, &id, &told).await,
+        server.post(&format!("/v1/studies/{id}/resume"), &json!({})).await,
+        server.post(&format!("/v1/studies/{id}/budget"), &json!({"max_runs": 70})).await,
+    ] {
+        let problem = refused.problem(409, "wrong-state");
+        assert!(text(&problem["detail"]).contains(&format!("POST {retry}")), "{problem}");
+    }
+    // A retry of failures alone is none of the study.
+    server.post(&format!("{retry}?class=lost"), &json!({})).await.expect(StatusCode::OK);
+    assert_eq!(show(&server, &id).await["state"], "cancelled");
+    server.post(&retry, &json!({})).await.expect(StatusCode::OK);
+    assert_eq!(show(&server, &id).await["state"], "running");
+    tell(&server, &id, &told).await.expect(StatusCode::OK);
+    wait_for_runs(&server, &id, 2).await;
+    assert_eq!(hand_out(&server, &id, 1).await.len(), 1);
+    server.stop().await;
+}
+
+#[tokio::test]
 async fn requests_with_faults_are_refused_with_all_of_them() {
     let (server, _dir) = TestServer::start().await;
     let id = driven(&server, 60).await;
