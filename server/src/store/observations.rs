@@ -12,7 +12,7 @@ use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 use super::columns::{Columns, corrupt, from_json, to_json};
 use super::writer::SLICE;
 use super::{Store, StoreError};
-use crate::study::{HandOut, Observation, Source, SweepRun, ToldOutcome, ToldRun};
+use crate::study::{HandOut, Observation, Source, SweepRun};
 
 /// Maximum number of runs in the list of those that were handed out.
 const MAX_LISTED: u32 = 1000;
@@ -20,6 +20,10 @@ const MAX_LISTED: u32 = 1000;
 /// The numbers that triggers keep: a view of a study costs the same, however many observations it has.
 pub(super) const OBSERVED: &str =
     "SELECT done, failed, handed_out, outside_budget FROM observation_counts WHERE study_id = ?";
+
+/// The first free number of a study.
+pub(super) const NEXT_NUMBER: &str =
+    "SELECT coalesce(max(number), 0) + 1 FROM observations WHERE study_id = ?";
 
 /// Numbers of the observations of a study.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -42,14 +46,6 @@ pub(crate) struct HandedOutRun {
     pub(crate) run: HandOut,
     /// When it may be handed out again.
     pub(crate) expires_at: Timestamp,
-}
-
-/// A told outcome of a run that has another one.
-pub(crate) struct Conflict {
-    /// Its place in the request.
-    pub(crate) index: usize,
-    /// The outcome that the run has.
-    pub(crate) known: String,
 }
 
 impl Store {
@@ -108,56 +104,6 @@ impl Store {
             .await
     }
 
-    /// Records outcomes, and returns how many are new and how many were known. When a run has another outcome already, all such runs
-    /// are returned and nothing is recorded. A finished study decides once more.
-    pub(crate) async fn tell(
-        &self,
-        id: SweepId,
-        outcomes: Vec<(ToldRun, ToldOutcome)>,
-        now: Timestamp,
-    ) -> Result<Result<(u64, u64), Vec<Conflict>>, StoreError> {
-        self.writer
-            .write(move |tx| {
-                Box::pin(async move {
-                    let (mut conflicts, mut new) = (Vec::new(), Vec::new());
-                    for (index, (run, outcome)) in outcomes.iter().enumerate() {
-                        let known = known_run(tx, id, run).await?;
-                        let is_open = |state: &str| ["handed_out", "given_back", "expired"].contains(&state);
-                        let (state, responses) = words(outcome)?;
-                        match known {
-                            None => new.push((None, run, state, responses)),
-                            Some(known) if is_open(&known.state) => {
-                                if state != "given_back" || known.state == "handed_out" {
-                                    new.push((Some(known.number), run, state, responses));
-                                }
-                            }
-                            Some(known) if known.state == state && known.responses == responses => {}
-                            Some(known) => {
-                                let known = known.responses.unwrap_or(known.state);
-                                conflicts.push(Conflict { index, known });
-                            }
-                        }
-                    }
-                    if !conflicts.is_empty() {
-                        return Ok(Err(conflicts));
-                    }
-                    let counts = (new.len() as u64, (outcomes.len() - new.len()) as u64);
-                    for (number, run, state, responses) in new {
-                        record(tx, id, (number, run), (state, responses), now).await?;
-                    }
-                    if counts.0 > 0 {
-                        let sql =
-                            "UPDATE studies SET news = news + 1, changes = changes + 1, finished = NULL,
-                                       state = CASE state WHEN 'finished' THEN 'running' ELSE state END
-                                   WHERE sweep_id = ? AND state <> 'cancelled'";
-                        sqlx::query(sql).bind(id.to_string()).execute(&mut *tx).await?;
-                    }
-                    Ok(Ok(counts))
-                })
-            })
-            .await
-    }
-
     /// The runs of a sweep that have a result, for a study that begins with them.
     pub(crate) async fn runs_to_copy(&self, id: SweepId) -> Result<Vec<SweepRun>, StoreError> {
         let sql = "SELECT s.body, r.solver_revision, r.responses FROM jobs j
@@ -198,93 +144,15 @@ fn observation(row: &SqliteRow) -> Result<Observation, StoreError> {
     })
 }
 
-/// A stored run that a client tells about.
-struct KnownRun {
-    number: i64,
-    state: String,
-    responses: Option<String>,
-}
-
-async fn known_run(
-    tx: &mut SqliteConnection,
-    id: SweepId,
-    run: &ToldRun,
-) -> Result<Option<KnownRun>, StoreError> {
-    let row = match run {
-        ToldRun::HandedOut(number) => {
-            let sql = "SELECT number, state, responses FROM observations WHERE study_id = ? AND number = ?";
-            sqlx::query(sql).bind(id.to_string()).bind(*number as i64).fetch_optional(&mut *tx).await?
-        }
-        ToldRun::Own { levels, seed } => {
-            let sql = "SELECT number, state, responses FROM observations
-                       WHERE study_id = ? AND source = 'client' AND levels = ? AND seed = ?";
-            let query = sqlx::query(sql).bind(id.to_string()).bind(levels).bind(*seed as i64);
-            query.fetch_optional(&mut *tx).await?
-        }
-    };
-    let known = |row: SqliteRow| {
-        let (number, state) = (row.column("number")?, row.column("state")?);
-        Ok(KnownRun { number, state, responses: row.column("responses")? })
-    };
-    row.map(known).transpose()
-}
-
-/// The state of an outcome, and its responses as JSON.
-fn words(outcome: &ToldOutcome) -> Result<(&'static str, Option<String>), StoreError> {
-    Ok(match outcome {
-        ToldOutcome::Done(responses) => ("done", Some(to_json("responses", responses)?)),
-        ToldOutcome::Failed => ("failed", None),
-        ToldOutcome::GivenBack => ("given_back", None),
-    })
-}
-
-/// Records the outcome of a run: of a stored one, or of a new one at a point of a client.
-async fn record(
-    tx: &mut SqliteConnection,
-    id: SweepId,
-    (number, run): (Option<i64>, &ToldRun),
-    (state, responses): (&'static str, Option<String>),
-    now: Timestamp,
-) -> Result<(), StoreError> {
-    let (number, (levels, seed)) = match (number, run) {
-        (None, ToldRun::Own { levels, seed }) => {
-            (next_number(tx, id).await?, (levels.as_str(), *seed as i64))
-        }
-        // Not stored: a number that was handed out is a stored row.
-        (None, ToldRun::HandedOut(_)) => return Ok(()),
-        (Some(number), _) => {
-            let sql = "UPDATE observations SET state = ?, responses = ?, recorded_at = ?
-                       WHERE study_id = ? AND number = ?";
-            let query = sqlx::query(sql).bind(state).bind(responses).bind(now.0);
-            query.bind(id.to_string()).bind(number).execute(&mut *tx).await?;
-            return Ok(());
-        }
-    };
-    let sql = "INSERT INTO observations (study_id, number, source, state, levels, replicate, seed, responses, recorded_at)
-               VALUES (?, ?, 'client', ?, ?, 0, ?, ?, ?)";
-    sqlx::query(sql)
-        .bind(id.to_string())
-        .bind(number)
-        .bind(state)
-        .bind(levels)
-        .bind(seed)
-        .bind(responses)
-        .bind(now.0)
-        .execute(&mut *tx)
-        .await?;
-    Ok(())
-}
-
 pub(super) fn handed_out_run(row: &SqliteRow) -> Result<HandedOutRun, StoreError> {
     let (levels, replicate, seed) = (row.json("levels")?, row.number("replicate")?, row.number("seed")?);
     let run = HandOut { levels, replicate, seed };
     Ok(HandedOutRun { number: row.number("number")?, run, expires_at: row.moment("expires_at")? })
 }
 
-/// The first free number of a study.
-async fn next_number(tx: &mut SqliteConnection, id: SweepId) -> Result<i64, StoreError> {
-    let sql = "SELECT coalesce(max(number), 0) + 1 FROM observations WHERE study_id = ?";
-    Ok(sqlx::query_scalar(sql).bind(id.to_string()).fetch_one(&mut *tx).await?)
+/// The first free number of a study. By the primary key it is found in one step.
+pub(super) async fn next_number(tx: &mut SqliteConnection, id: SweepId) -> Result<i64, StoreError> {
+    Ok(sqlx::query_scalar(NEXT_NUMBER).bind(id.to_string()).fetch_one(&mut *tx).await?)
 }
 
 /// Hands out runs of a study.

@@ -11,38 +11,38 @@ use super::studies::*;
 use super::test_server::*;
 
 /// A study whose proposals become no jobs by themselves.
-async fn driven(server: &TestServer, max_runs: u32) -> String {
+pub(super) async fn driven(server: &TestServer, max_runs: u32) -> String {
     let mut question = question(max_runs);
     question["driver"] = json!("client");
     submit(server, &question).await
 }
 
-async fn ask(server: &TestServer, id: &str, document: Value) -> Answer {
+pub(super) async fn ask(server: &TestServer, id: &str, document: Value) -> Answer {
     server.post(&format!("/v1/studies/{id}/ask"), &document).await
 }
 
-async fn hand_out(server: &TestServer, id: &str, count: u32) -> Vec<Value> {
+pub(super) async fn hand_out(server: &TestServer, id: &str, count: u32) -> Vec<Value> {
     let asked = ask(server, id, json!({"count": count})).await.expect(StatusCode::OK);
     asked["runs"].as_array().unwrap().clone()
 }
 
-async fn tell(server: &TestServer, id: &str, outcomes: &[Value]) -> Answer {
+pub(super) async fn tell(server: &TestServer, id: &str, outcomes: &[Value]) -> Answer {
     server.post(&format!("/v1/studies/{id}/tell"), &json!({"outcomes": outcomes})).await
 }
 
 /// The outcome of a run that was handed out, drawn from the truth.
-fn outcome(run: &Value) -> Value {
+pub(super) fn outcome(run: &Value) -> Value {
     let gate_m = run["values"][GATE].as_f64().unwrap();
     let draw = fastrand::Rng::with_seed(run["seed"].as_u64().unwrap()).f64();
     json!({"run": run["run"], "responses": {"jammed": draw < jam_probability(gate_m)}})
 }
 
-fn place(run: &Value) -> (String, u64) {
+pub(super) fn place(run: &Value) -> (String, u64) {
     (run["values"].to_string(), run["replicate"].as_u64().unwrap())
 }
 
 /// Waits until the answer rests on some runs.
-async fn wait_for_runs(server: &TestServer, id: &str, done: u64) -> Value {
+pub(super) async fn wait_for_runs(server: &TestServer, id: &str, done: u64) -> Value {
     let deadline = Instant::now() + Duration::from_secs(30);
     loop {
         let answer = server.get(&format!("/v1/studies/{id}/answer")).await.expect(StatusCode::OK);

@@ -100,6 +100,11 @@ async fn frequent_queries_use_an_index() {
         (frames::UNREFERENCED, "frames_by_object"),
         (frames::UNREFERENCED, "checkpoints_by_object"),
         (frames::UNREFERENCED, "fills_by_object"),
+        (observations::NEXT_NUMBER, "SEARCH observations USING PRIMARY KEY (study_id=?)"),
+        (
+            tells::OUTCOME_ELSEWHERE,
+            "SEARCH observations USING INDEX observations_by_seed (study_id=? AND seed=?)",
+        ),
         (fills::ENDED, "fills_by_job"),
         (fills::STORED, "SEARCH f USING PRIMARY KEY"),
         ("SELECT * FROM jobs WHERE sweep_id = 'a' AND seq < 9 ORDER BY seq DESC", "jobs_of_sweep"),
