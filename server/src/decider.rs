@@ -119,8 +119,8 @@ async fn decide(app: &App, id: SweepId, before: Option<Tally>) -> Result<Option<
     let present = stored.present()?;
     let study = match tokio::task::spawn_blocking(move || Study::stored(present)).await {
         Ok(Ok(study)) => study,
-        Ok(Err(faults)) => return pause(app, id, &first_of(&faults)).await,
-        Err(error) => return pause(app, id, &error.to_string()).await,
+        Ok(Err(faults)) => return pause(app, id, &first_of(&faults)).await.map(|()| None),
+        Err(error) => return pause(app, id, &error.to_string()).await.map(|()| None),
     };
     app.curve_points.complete(&app.store, &study, &mut trials).await?;
     let work = tokio::task::spawn_blocking(move || {
@@ -129,8 +129,8 @@ async fn decide(app: &App, id: SweepId, before: Option<Tally>) -> Result<Option<
     });
     let (sweep, decided) = match work.await {
         Ok(Ok(work)) => work,
-        Ok(Err(faults)) => return pause(app, id, &first_of(&faults)).await,
-        Err(error) => return pause(app, id, &error.to_string()).await,
+        Ok(Err(faults)) => return pause(app, id, &first_of(&faults)).await.map(|()| None),
+        Err(error) => return pause(app, id, &error.to_string()).await.map(|()| None),
     };
     let (count, finished) = (decided.trials.len(), decided.finished);
     let now = app.clock.now();
@@ -152,10 +152,9 @@ fn first_of(faults: &[roost_api::Fault]) -> String {
 }
 
 /// Pauses a study that cannot be decided about: it would fail again at once.
-async fn pause(app: &App, id: SweepId, reason: &str) -> Result<Option<Tally>, StoreError> {
+pub(crate) async fn pause(app: &App, id: SweepId, reason: &str) -> Result<(), StoreError> {
     tracing::error!(study = %id, reason, "a study cannot go on and is paused");
-    app.store.change_study(id, &[StudyState::Running], StudyState::Paused, Some(reason.to_owned())).await?;
-    Ok(None)
+    app.store.change_study(id, &[StudyState::Running], StudyState::Paused, Some(reason.to_owned())).await
 }
 
 /// Cancels the jobs of a finished study that nobody needs any more.

@@ -15,8 +15,8 @@ use super::extract::{Document, Segments};
 use super::problem::{ApiError, ProblemKind};
 use super::studies::{cancelled, stored, view_of};
 use super::submissions::Reserved;
-use crate::decider::cancel_rest;
-use crate::document::{fault, prefixed, read_leniently, with_content_faults};
+use crate::decider::{cancel_rest, pause};
+use crate::document::{fault, read_leniently, with_content_faults};
 use crate::state::App;
 use crate::store::{AskedRuns, Conflict, HandedOutRun, MAX_PROPOSALS, StoredStudy};
 use crate::study::Study;
@@ -35,7 +35,7 @@ const TRIES: usize = 20;
     responses((status = 200, description = "The runs; none when the study is finished or awaits outcomes", body = Asked),
               (status = 404, description = "No such study", body = Problem,
                content_type = "application/problem+json"),
-              (status = 409, description = "The study is paused, cancelled, or has its answer", body = Problem,
+              (status = 409, description = "The study is paused, cancelled, has its answer, or has no point that can be run", body = Problem,
                content_type = "application/problem+json"),
               (status = 422, description = "The document has faults; `errors` lists all of them", body = Problem,
                content_type = "application/problem+json")))]
@@ -115,20 +115,26 @@ async fn ask_once(
     let (trials, observations) =
         (app.store.trials_of(id, 0..u32::MAX).await?, app.store.observations(id).await?);
     let (present, ask) = (stored.present()?, ask.clone());
+    let has_no_points = ask.points.is_none();
     let expires_ms = (ask.expires_s.unwrap_or(EXPIRES_S) * 1000.0) as i64;
     let work = run_blocking(move || {
         let study = Study::stored(present)?;
         let (decided, runs) = match &ask.points {
             Some(points) => (study.add_points(&trials, &observations, (points, MAX_PROPOSALS))?, Vec::new()),
-            None => {
-                let handed_out = study.hand_out(&trials, &observations, ask.count.unwrap_or(1) as usize);
-                handed_out.map_err(|faults| prefixed("/base", faults))?
-            }
+            None => study.hand_out(&trials, &observations, ask.count.unwrap_or(1) as usize)?,
         };
         Ok::<_, Vec<Fault>>((study, decided, runs))
     });
     let (study, decided, runs) = match work.await? {
         Ok(made) if faults.is_empty() => made,
+        // No proposal can be run, and the document is not to blame.
+        Err(found) if has_no_points => {
+            let reason = found.first().map(ToString::to_string).unwrap_or_default();
+            pause(app, id, &reason).await?;
+            let detail =
+                format!("the server has paused the study, since it finds no point that can be run: {reason}");
+            return Err(ApiError::new(ProblemKind::WrongState, detail));
+        }
         made => {
             let found = made.err().unwrap_or_default();
             return Err(ApiError::faults(with_content_faults(faults.to_vec(), found)));
