@@ -44,12 +44,10 @@ pub(crate) fn cost_lines(forecast: &CostForecast, place: &str) -> Vec<String> {
         format!("{} to {}", runs.least, runs.most)
     };
     let hours = |seconds: f64| format::significant((seconds / 3600.0 * 1e4).round() / 1e4);
-    let work = forecast.processor;
-    let mut lines = vec![format!(
-        "{count} runs, {} to {} hours of processor time",
-        hours(work.shortest_s),
-        hours(work.longest_s)
-    )];
+    let work = forecast.processor.map(|work| {
+        format!(", {} to {} hours of processor time", hours(work.shortest_s), hours(work.longest_s))
+    });
+    let mut lines = vec![format!("{count} runs{}", work.unwrap_or_default())];
     if let Some(duration) = forecast.duration {
         let (short, long) = (format::duration(duration.shortest_s), format::duration(duration.longest_s));
         let end =

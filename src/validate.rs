@@ -61,13 +61,14 @@ pub(crate) async fn execute(args: Args, is_study: bool) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
-/// Adds the forecast: of the server if one is named, else of this machine.
+/// Adds the forecast: of the server if one is named, else of this machine. A study whose runs clients make has its own.
 async fn with_forecast(
     args: &Args,
     resolved: &Resolved,
     report: ValidationReport,
 ) -> Result<ValidationReport> {
     let forecast = match args.server.client()? {
+        _ if report.forecast.is_some() => report.forecast,
         Some(client) => client.validate(&resolved.document).await?.forecast,
         None => {
             let processors = std::thread::available_parallelism().map_or(1, usize::from);
@@ -95,11 +96,12 @@ fn print_report(args: &Args, resolved: &Resolved, report: &ValidationReport) -> 
     let estimate = &report.estimate;
     print_line(format_args!("{}: a valid {}", input::display_name(&args.file), report.document))?;
     if report.document == "study" {
-        let took = format::duration(report.wall_s);
-        print_line(format_args!(
-            "  at most {} runs, {took} on two cores, one after the other; the base scenario:",
-            report.jobs
-        ))?;
+        let is_of_clients = report.forecast.as_ref().is_some_and(|forecast| forecast.processor.is_none());
+        let took = match is_of_clients {
+            true => "which clients make".to_owned(),
+            false => format!("{} on two cores, one after the other", format::duration(report.wall_s)),
+        };
+        print_line(format_args!("  at most {} runs, {took}; the base scenario:", report.jobs))?;
     }
     if report.document == "sweep" {
         let took = format::duration(report.wall_s);

@@ -388,6 +388,11 @@ fn a_study_is_forecast_without_a_server() {
     );
     let report: Value = serde_json::from_str(&stdout(&run(&["study", "validate", "--json", &file]))).unwrap();
     assert_eq!(report["forecast"]["runs"], json!({"least": 59, "most": 300}));
+    study["driver"] = json!("client");
+    let text = stdout(&run(&["study", "validate", &sandbox.file("client.json", &study)]));
+    assert!(text.contains("  at most 300 runs, which clients make; the base scenario:"), "{text}");
+    assert!(text.contains("  forecast: 59 to 300 runs\n") && !text.contains("hours of"), "{text}");
+    assert!(text.contains("no time of completion: clients choose when its runs are made"), "{text}");
     assert!(
         refused(&["study", "validate", &sandbox.file("scenario.json", &hopper_scenario(0.4))])
             .contains("is no study")

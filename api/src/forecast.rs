@@ -144,11 +144,11 @@ pub struct Forecast {
 pub struct CostForecast {
     /// Number of runs.
     pub runs: RunRange,
-    /// Processor time of all runs, if each has one thread.
-    pub processor: DurationRange,
-    /// Wall time from the submission to the last result; null without workers.
+    /// Processor time of all runs, if each has one thread; null for a study whose runs clients make.
+    pub processor: Option<DurationRange>,
+    /// Wall time from the submission to the last result; null without workers, and for a study whose runs clients make.
     pub duration: Option<DurationRange>,
-    /// When the last result would come, if it were submitted now; null without workers.
+    /// When the last result would come, if it were submitted now; null like the duration.
     pub end: Option<TimeRange>,
     /// Why there is no duration; null with one.
     pub no_forecast: Option<String>,

@@ -27,7 +27,8 @@ pub struct ValidationReport {
     /// Cost of the scenario, or of the base scenario of the sweep or study.
     #[schema(value_type = EstimateSchema)]
     pub estimate: Estimate,
-    /// Predicted wall time of all jobs on two cores, one after another, in seconds. Cached results take no time.
+    /// Predicted wall time of all jobs on two cores, one after another, in seconds. Cached results take no time. 0 for a study whose runs
+    /// clients make.
     pub wall_s: f64,
     /// The scenario with all defaults.
     #[schema(value_type = Object)]

@@ -5,6 +5,8 @@
 use std::iter;
 
 use roost_api::Fault;
+use roost_api::forecast::RunRange;
+use roost_api::study::Driver;
 use roost_api::sweep::SCHEMA;
 use roost_api::validate::ValidationReport;
 use roost_solver::mesh::Meshes;
@@ -12,11 +14,13 @@ use roost_solver::{Limits, scenario};
 use serde_json::{Value, json};
 
 use crate::document::read_envelope;
+use crate::forecast::cost_of_clients;
 use crate::mesh;
 use crate::study;
 use crate::sweep::{self, SweepLimits};
 
-/// Checks a scenario, a job envelope, a sweep or a study with its meshes, and estimates its cost.
+/// Checks a scenario, a job envelope, a sweep or a study with its meshes, and estimates its cost. Only a study whose runs clients make has a
+/// forecast already: it depends on no worker.
 ///
 /// # Errors
 /// All faults, with pointers into the document.
@@ -33,15 +37,19 @@ pub fn validate(
         let needs_own_runs = study.spec.seeded_by.is_empty();
         let least =
             if needs_own_runs { roost_design::forecast::least_runs(&study.question) as u64 } else { 0 };
+        let min_jobs = least.min(max_runs);
+        let of_clients = (study.spec.driver == Driver::Client)
+            .then(|| cost_of_clients(RunRange { least: min_jobs, most: max_runs }));
+        // The mean of the corners of the range.
+        let wall_s = expansion.wall_s / expansion.jobs() as f64 * max_runs as f64;
         return Ok(ValidationReport {
             document: "study".to_owned(),
             jobs: max_runs,
-            min_jobs: least.min(max_runs),
+            min_jobs,
             shortage: roost_design::forecast::shortage(&study.question).filter(|_| needs_own_runs),
-            forecast: None,
+            wall_s: if of_clients.is_some() { 0.0 } else { wall_s },
+            forecast: of_clients,
             meshes: mesh::reports(iter::once(expansion.base.clone()), meshes),
-            // The mean of the corners of the range.
-            wall_s: expansion.wall_s / expansion.jobs() as f64 * max_runs as f64,
             estimate: expansion.estimate,
             scenario: json!(expansion.base),
         });

@@ -56,5 +56,5 @@ function facts({ slots, finished_runs, learned_from, share }) {
  */
 export function costFacts({ processor, duration: wall, end, no_forecast }) {
   const span = (/** @type {DurationRange} */ range) => `${duration(range.shortest_s)} to ${duration(range.longest_s)}`;
-  return [["Processor time", span(processor)], ["On the present workers", wall && end ? `${span(wall)}, done ${timeRange(end)}` : (no_forecast ?? "–")]];
+  return [["Processor time", processor ? span(processor) : "–"], ["On the present workers", wall && end ? `${span(wall)}, done ${timeRange(end)}` : (no_forecast ?? "–")]];
 }

@@ -72,10 +72,25 @@ pub(crate) fn cost_without_workers(runs: RunRange, estimate_s: f64, why: String)
     });
     CostForecast {
         runs,
-        processor: durations(work),
+        processor: Some(durations(work)),
         duration: None,
         end: None,
         no_forecast: Some(why),
+        basis: None,
+    }
+}
+
+/// Why the runs of a study with the driver `client` have no forecast.
+pub(crate) const CLIENTS_CHOOSE: &str = "clients choose when its runs are made";
+
+/// The number of runs that clients make, whose time nobody here knows.
+pub(crate) fn cost_of_clients(runs: RunRange) -> CostForecast {
+    CostForecast {
+        runs,
+        processor: None,
+        duration: None,
+        end: None,
+        no_forecast: Some(CLIENTS_CHOOSE.to_owned()),
         basis: None,
     }
 }

@@ -14,7 +14,9 @@ mod speed;
 mod tests;
 
 pub use answer::on_this_machine;
-pub(crate) use answer::{cost_without_workers, durations, no_forecast, range, with_spans};
+pub(crate) use answer::{
+    CLIENTS_CHOOSE, cost_of_clients, cost_without_workers, durations, no_forecast, range, with_spans,
+};
 pub(crate) use farm::{Batch, Farm, Progressed, Queue, Span, Spans, forecast};
 pub(crate) use speed::Speed;
 

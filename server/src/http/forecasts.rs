@@ -18,7 +18,7 @@ use super::posteriors;
 use super::problem::ApiError;
 use super::{jobs, sweeps};
 use crate::document::fault;
-use crate::forecast::no_forecast;
+use crate::forecast::{CLIENTS_CHOOSE, no_forecast};
 use crate::queue::Refusal;
 use crate::state::App;
 use crate::store::StoredStudy;
@@ -100,7 +100,7 @@ async fn study_forecast(app: &App, stored: &StoredStudy) -> Result<Forecast, Api
     };
     let obstacle = match (stored.state, stored.driver) {
         (StudyState::Paused, _) => Some("the study is paused"),
-        (StudyState::Running, Driver::Client) => Some("clients choose when its runs are made"),
+        (StudyState::Running, Driver::Client) => Some(CLIENTS_CHOOSE),
         _ => None,
     };
     if let Some(obstacle) = obstacle {
@@ -129,7 +129,7 @@ pub(crate) async fn validate_study(
     report(&app, document).await.map(Json)
 }
 
-/// Checks a document, and forecasts its cost on the present workers.
+/// Checks a document, and forecasts its cost on the present workers, unless clients make its runs.
 pub(super) async fn report(app: &App, mut document: Value) -> Result<ValidationReport, ApiError> {
     posteriors::fill_in(app, &mut document).await?;
     let (limits, max_jobs) = (app.config.limits, app.config.max_jobs_per_sweep);
@@ -137,6 +137,9 @@ pub(super) async fn report(app: &App, mut document: Value) -> Result<ValidationR
     let (needs, priority) = placement(&document);
     let checked = run_blocking(move || validate(document, &meshes, &limits, max_jobs)).await?;
     let report = checked.map_err(ApiError::faults)?;
+    if report.forecast.is_some() {
+        return Ok(report);
+    }
     let runs = RunRange { least: report.min_jobs, most: report.jobs };
     let each_s = report.wall_s / report.jobs.max(1) as f64;
     let forecast = app.cost_forecast((runs, each_s), &needs, priority).await?;

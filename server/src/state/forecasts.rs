@@ -225,7 +225,7 @@ impl AppState {
         let span = Span { low_s: fewest.end.low_s, high_s: most.end.high_s };
         Ok(CostForecast {
             runs,
-            processor: durations(Span { low_s: fewest.work.low_s, high_s: most.work.high_s }),
+            processor: Some(durations(Span { low_s: fewest.work.low_s, high_s: most.work.high_s })),
             duration: Some(durations(span)),
             end: Some(range(now, span)),
             no_forecast: None,

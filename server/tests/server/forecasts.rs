@@ -168,6 +168,13 @@ async fn a_study_is_forecast_before_and_after_its_submission() {
     assert_eq!(no_study["errors"][0]["pointer"], "/goal");
 
     let worker = server.worker("cpu").await;
+    let mut of_client = question(0.05, 300);
+    of_client["driver"] = json!("client");
+    let report = validate(of_client).await.expect(StatusCode::OK);
+    let runs = json!({"least": 59, "most": 300});
+    let why = "clients choose when its runs are made";
+    let promised = json!({"runs": runs, "processor": null, "duration": null, "end": null, "no_forecast": why, "basis": null});
+    assert_eq!((&report["forecast"], &report["wall_s"]), (&promised, &json!(0.0)), "no hours of workers");
     let deadline = Instant::now() + Duration::from_secs(10);
     let report = loop {
         let report = validate(question(0.05, 300)).await.expect(StatusCode::OK);
