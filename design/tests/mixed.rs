@@ -97,6 +97,34 @@ fn the_best_of_a_few_noisy_points_is_found_by_replicates() {
     assert!(right >= 17, "{right} of 20");
 }
 
+#[test]
+fn the_front_of_a_few_noisy_points_is_found_by_replicates() {
+    // Twelve points in all. On the front are the counts 2 to 5 without the level, and the noise is more than twice their distances.
+    let truth = |at: &[f64]| [2.0, 5.0].map(|best| 0.3 * (at[0] - best).abs() + [0.0, 0.4][at[1] as usize]);
+    let levels = json!({"name": "/walls", "levels": [false, true]});
+    let objectives = json!([{"minimise": {"mean": "y"}}, {"minimise": {"mean": "z"}}]);
+    let goal = json!({"optimise": {"objectives": objectives, "tolerance": 0.01, "front_points": 4}});
+    let question = asked(&[count(1, 6), levels], goal, 400);
+    let (mut right, mut recommended, mut most) = (0, 0, 0);
+    for seed in 0..12 {
+        let simulate = |coordinates: &[f64], replicate: u32| {
+            let at = numbers(&question.factors, coordinates);
+            let mut random = generator(seed, &at, replicate);
+            let [y, z] = truth(&at).map(|value| value + 0.8 * normal(&mut random));
+            responses(&[("y", y), ("z", z)])
+        };
+        let (runs, decision) = study(&question, seed, 4, simulate);
+        assert!(decision.finished.is_some());
+        let points = best(&decision).recommended.iter().map(|point| &point.values);
+        let is_right = |values: &&Vec<Value>| (2..=5).any(|count| **values == [json!(count), json!(false)]);
+        recommended += points.clone().count();
+        right += points.filter(is_right).count();
+        most = most.max(runs.len());
+    }
+    println!("{right} of {recommended} right, at most {most} runs");
+    assert!(recommended >= 36 && 10 * right >= 9 * recommended, "{right} of {recommended}");
+}
+
 /// Variances of the parts of a function of a whole number from 1 to 4, a level of three, and a number from 0 to 1:
 /// y = n + g(level) + 2 (n − 5/2) u(level) + 3 x, where u has mean 0.
 const G: [f64; 3] = [0.0, 2.0, 4.0];

@@ -56,6 +56,35 @@ fn a_front_is_not_finished_while_its_confirmations_run() {
     assert_eq!((states(&decision), decision.finished), (confirmed, Some(Finished::ByRule)));
 }
 
+#[test]
+fn a_front_of_few_points_goes_on_with_replicates() {
+    let count = json!({"name": "/count", "low": 1, "high": 5, "is_whole": true});
+    let goal = json!({"objectives": [{"minimise": {"mean": "one"}}, {"minimise": {"mean": "other"}}]});
+    let document = json!({"factors": [count], "goal": {"optimise": goal}, "budget": {"max_runs": 400}});
+    let question = Question::read(&document).unwrap();
+    let decide = |noise: f64| {
+        let runs = (1..=5_u32).flat_map(|count| {
+            let point = Point::of_run(&question.factors, &[json!(count)]).unwrap();
+            [-1.0, 1.0].into_iter().zip(0..).map(move |(sign, replicate)| {
+                let (one, other) = (f64::from(count) / 5.0, f64::from(6 - count) / 5.0);
+                let values = [("one", one + sign * noise), ("other", other - sign * noise)];
+                Run { point: point.clone(), replicate, outcome: responses(&values) }
+            })
+        });
+        decide(&question, &Evidence::new(runs), 4, 1)
+    };
+    // All points have runs, but their order is open.
+    let decision = decide(0.3);
+    let is_replicate = |proposal: &Proposal| (2..FIRST_CONFIRMATION).contains(&proposal.replicate);
+    assert_eq!((decision.proposals.len(), decision.finished), (4, None));
+    assert!(decision.proposals.iter().all(is_replicate), "{:?}", decision.proposals);
+    assert!(finding(&decision).expected_improvement.unwrap() > 1e-3);
+    // Without noise nothing is left to search, and the confirmation begins.
+    let decision = decide(0.0);
+    assert!(decision.proposals.iter().all(|proposal| proposal.replicate >= FIRST_CONFIRMATION));
+    assert_eq!(decision.proposals.len(), 4);
+}
+
 /// Runs a study with ten workers to its end.
 fn play(question: &Question, simulate: impl Fn(f64, u32) -> Outcome) -> (Vec<Run>, Decision) {
     let mut runs = Vec::new();

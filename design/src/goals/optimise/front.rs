@@ -64,6 +64,18 @@ pub(super) fn ln_gain(points: &[[f64; 2]], reference: [f64; 2]) -> impl Fn([f64;
     }
 }
 
+/// The logarithm of the expected gain by knowing a point exactly: of the area that it adds to the front of the others, over the area
+/// that its means add. It is at least 0, since that area is convex in each of the two values.
+pub(super) fn ln_gain_of_knowing(
+    others: &[[f64; 2]],
+    reference: [f64; 2],
+    means: [f64; 2],
+    deviations: [f64; 2],
+) -> f64 {
+    let gain = ln_gain(others, reference);
+    ln_difference(gain(means, deviations), gain(means, [0.0; 2]))
+}
+
 /// A reference point a little worse than the worst ends of a front of some points.
 pub(super) fn reference(points: &[[f64; 2]]) -> [f64; 2] {
     let front = front(points);

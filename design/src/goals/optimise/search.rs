@@ -279,25 +279,36 @@ impl<'a> Field<'a> {
 
     /// The acquisition with that of a replicate at each incumbent, where the range has no new points near it. The acquisition is 0 there, since
     /// draws know the values at incumbents. The gain of knowing one of them exactly is the expected amount by which it then changes sides with the
-    /// best of the others.
+    /// best of the others, or with two objectives the area that it then adds to their front beside the area that it seems to add.
     fn with_replicates(&self, mut values: Vec<f64>) -> Vec<f64> {
-        let [surface] = self.objectives() else { return values };
         if !self.is_finite {
             return values;
         }
+        let reference = self.reference();
         for index in &self.incumbents {
-            let others = self.incumbents.iter().filter(|other| *other != index);
-            let likely = others.clone().filter(|other| self.ln_feasible(**other) > 0.5_f64.ln());
-            let best = |means: &mut dyn Iterator<Item = &usize>| {
-                means.map(|other| surface.means[*other]).fold(f64::INFINITY, f64::min)
+            let others = self.likely(self.incumbents.iter().filter(|other| *other != index));
+            let gain = match self.objectives() {
+                [surface] => {
+                    let best = others.iter().map(|other| surface.means[*other]).fold(f64::INFINITY, f64::min);
+                    ln_improvement(-(surface.means[*index] - best).abs(), surface.deviation(*index))
+                }
+                surfaces => {
+                    let means = |index: usize| [surfaces[0].means[index], surfaces[1].means[index]];
+                    let deviations = [surfaces[0].deviation(*index), surfaces[1].deviation(*index)];
+                    let others: Vec<_> = others.into_iter().map(means).collect();
+                    front::ln_gain_of_knowing(&others, reference, means(*index), deviations)
+                }
             };
-            let (likely, all) = (best(&mut likely.into_iter()), best(&mut others.into_iter()));
-            let gap = (surface.means[*index] - if likely.is_finite() { likely } else { all }).abs();
-            values[*index] = ln_improvement(-gap, surface.deviation(*index))
-                + self.ln_feasible(*index)
-                + self.success[*index];
+            values[*index] = gain + self.ln_feasible(*index) + self.success[*index];
         }
         values
+    }
+
+    /// Those of some points that seem to meet the constraints, or else all of them.
+    fn likely<'b>(&self, points: impl Iterator<Item = &'b usize> + Clone) -> Vec<usize> {
+        let likely: Vec<usize> =
+            points.clone().copied().filter(|index| self.ln_feasible(*index) > 0.5_f64.ln()).collect();
+        if likely.is_empty() { points.copied().collect() } else { likely }
     }
 
     /// Whether drawn values meet all constraints at an incumbent.
@@ -318,10 +329,8 @@ impl<'a> Field<'a> {
     /// The means of both objectives at incumbents that seem to meet the constraints, or at all.
     fn mean_values(&self) -> Vec<[f64; 2]> {
         let [one, other, ..] = self.surfaces.as_slice() else { return Vec::new() };
-        let of = |index: &usize| [one.means[*index], other.means[*index]];
-        let likely = self.incumbents.iter().filter(|index| self.ln_feasible(**index) > 0.5_f64.ln());
-        let likely: Vec<_> = likely.map(of).collect();
-        if likely.is_empty() { self.incumbents.iter().map(of).collect() } else { likely }
+        let of = |index: usize| [one.means[index], other.means[index]];
+        self.likely(self.incumbents.iter()).into_iter().map(of).collect()
     }
 
     fn reference(&self) -> [f64; 2] {

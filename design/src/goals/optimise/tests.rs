@@ -1,6 +1,7 @@
 //! Tests of expected improvement, of Pareto fronts and of the rules of confirmation.
 
 use serde_json::Value;
+use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::bounds::Bounds;
 use super::chances::Chances;
@@ -47,6 +48,32 @@ fn expected_gains_of_area_match_numerical_integration() {
     let gain = front::ln_gain(&points, pair(&reference["reference"]));
     for case in reference["gains"].as_array().unwrap() {
         assert_near(gain(pair(&case["means"]), pair(&case["deviations"])), number(&case["ln"]), 1e-10);
+    }
+}
+
+#[test]
+fn knowing_a_point_gains_the_area_that_means_hide() {
+    let (points, reference) = ([[0.2, 0.8], [0.6, 0.3]], [1.0, 1.0]);
+    // On the front, beaten by it, equal to one of its points.
+    for means in [[0.4, 0.4], [0.7, 0.7], [0.6, 0.3]] {
+        let deviations = [0.2, 0.1];
+        let found = front::ln_gain_of_knowing(&points, reference, means, deviations).exp();
+        let area = |at: [f64; 2]| {
+            front::area(&[points[0], points[1], at], reference) - front::area(&points, reference)
+        };
+        const STEPS: usize = 400;
+        let numbers: Vec<f64> = (0..STEPS)
+            .map(|step| Normal::standard().inverse_cdf((step as f64 + 0.5) / STEPS as f64))
+            .collect();
+        let place = |x: f64, y: f64| [means[0] + deviations[0] * x, means[1] + deviations[1] * y];
+        let sum: f64 = numbers.iter().flat_map(|x| numbers.iter().map(move |y| area(place(*x, *y)))).sum();
+        let expected = sum / (STEPS * STEPS) as f64 - area(means);
+        assert!(
+            (found - expected).abs() < 0.01 * expected && expected > 1e-4,
+            "{means:?}: {found}, not {expected}"
+        );
+        let known = front::ln_gain_of_knowing(&points, reference, means, [0.0; 2]);
+        assert_eq!(known, f64::NEG_INFINITY, "a known point has nothing to gain");
     }
 }
 
