@@ -1,14 +1,16 @@
-//! `roost study run`: a question that one process answers, repeats of the command, a kill, and changes of the question.
+//! `roost study run`: a question that one process answers, repeats of the command, a kill, and changes of the question. `roost study ask`
+//! and `tell`: a script makes the runs.
 
 mod support;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 use roost_worker::client::Client;
 use serde_json::{Value, json};
-use support::{Process, hopper_scenario, roost, slow_scenario, stdout, transcript, wait_until};
+use support::{Process, Sandbox, hopper_scenario, roost, slow_scenario, stdout, transcript, wait_until};
 use tempfile::TempDir;
 
 /// Runs that answer the question: five at each of two points. A study with several workers may make some more.
@@ -122,6 +124,59 @@ fn question_is_answered_and_a_repeat_has_the_same_answer() {
     place.write(&asked);
     stdout(&place.run());
     assert_eq!(place.answer()["study"]["runs"]["max_runs"], 40);
+}
+
+#[test]
+fn a_script_makes_the_runs_of_a_study() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let mut asked = question(hopper_scenario(0.1));
+    asked["driver"] = json!("client");
+    let id = stdout(&sandbox.roost(&["study", "submit", &sandbox.file("question.json", &asked)]));
+    let id = id.trim();
+    let table = stdout(&sandbox.roost(&["study", "ask", id, "--count", "2"]));
+    let lines: Vec<&str> = table.lines().collect();
+    assert!(lines.len() == 4 && lines[0].contains("/equipment/gate_opening_m"), "{table}");
+    assert!(lines[2].trim_start().starts_with("1 ") && lines[3].trim_start().starts_with("2 "), "{table}");
+    let more = sandbox.json_output(&["study", "ask", id, "--count", "100"]);
+    let runs = more["runs"].as_array().unwrap();
+    assert_eq!((runs.len(), &runs[0]["run"]), (8, &json!(3)), "ten runs answer the question: {more:#}");
+    assert_eq!(runs[0]["scenario"]["seed"], runs[0]["seed"]);
+    let none = transcript(&sandbox.roost(&["study", "ask", id]));
+    assert!(none.contains("before the outcomes of 10 in flight are told: roost study tell"), "{none}");
+
+    let outcome = |run: u64, value: f64| json!({"run": run, "responses": {"fill_duration_s": value}});
+    let told: Vec<Value> = (1..=10).map(|run| outcome(run, 0.5 + run as f64)).collect();
+    let file = sandbox.file("outcomes.json", &json!({"outcomes": told[..9]}));
+    let text = stdout(&sandbox.roost(&["study", "tell", id, &file]));
+    assert_eq!(text, "9 recorded; 9 of 20 runs, 1 pending\n");
+    // The last one comes through stdin, beside known ones.
+    let mut command = roost();
+    command.args(["study", "tell", id, "-", "--json"]).env("ROOST_SERVER", &sandbox.address);
+    let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+    child.stdin.take().unwrap().write_all(json!({"outcomes": told}).to_string().as_bytes()).unwrap();
+    let reply: Value = serde_json::from_str(&stdout(&child.wait_with_output().unwrap())).unwrap();
+    assert_eq!((&reply["recorded"], &reply["repeated"]), (&json!(1), &json!(9)));
+    wait_until("the study is finished", || {
+        (sandbox.get(&format!("/v1/studies/{id}"))["state"] == "finished").then_some(())
+    });
+    let none = transcript(&sandbox.roost(&["study", "ask", id]));
+    assert!(none.contains("the study is finished: roost study show"), "{none}");
+
+    let refused = |document: Value, parts: &[&str]| {
+        let output = sandbox.roost(&["study", "tell", id, &sandbox.file("faulty.json", &document)]);
+        let text = transcript(&output);
+        assert_eq!(output.status.code(), Some(2), "{text}");
+        assert!(parts.iter().all(|part| text.contains(part)), "{parts:?}: {text}");
+    };
+    refused(
+        json!({"outcomes": [outcome(1, 7.0)]}),
+        &["/outcomes/0", "another outcome", r#"{"fill_duration_s":1.5}"#],
+    );
+    refused(json!({"outcomes": [outcome(77, 7.0)]}), &["/outcomes/0/run", "no such run was handed out"]);
+    refused(json!([outcome(1, 1.5)]), &["has no `outcomes`: write {\"outcomes\": [{\"run\": 1"]);
+    let many = transcript(&sandbox.roost(&["study", "ask", id, "--count", "101"]));
+    assert!(many.contains("101 is not in 1..=100"), "{many}");
 }
 
 #[test]

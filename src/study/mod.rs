@@ -1,6 +1,7 @@
 //! `roost study`: questions about a scenario, which the server answers by runs that it chooses.
 
 mod answer;
+mod ask;
 mod control;
 mod folder;
 mod follow;
@@ -39,6 +40,8 @@ enum Action {
     Cancel(control::Cancel),
     Budget(control::Budget),
     Widen(control::Widen),
+    Ask(ask::Ask),
+    Tell(ask::Tell),
 }
 
 impl Args {
@@ -63,5 +66,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         Action::Cancel(args) => control::cancel(args).await,
         Action::Budget(args) => control::budget(args).await,
         Action::Widen(args) => control::widen(args).await,
+        Action::Ask(args) => ask::ask(args).await,
+        Action::Tell(args) => ask::tell(args).await,
     }
 }

@@ -23,6 +23,8 @@ use crate::study::Study;
 
 /// Seconds after which a run without an outcome may be handed out again, unless the client names others.
 const EXPIRES_S: f64 = 86_400.0;
+/// The refusal of points for a finished study.
+const HAS_ANSWER: &str = "the study has its answer: wider ranges or a larger budget continue it";
 /// Decisions that may come between before a request is refused.
 const TRIES: usize = 20;
 
@@ -89,12 +91,14 @@ async fn asked(
         if stored.state == StudyState::Finished && ask.points.is_none() {
             return Ok(Asked { runs: Vec::new(), jobs: Vec::new(), study: view_of(app, id).await? });
         }
-        if stored.state == StudyState::Cancelled {
-            return Err(cancelled(id));
-        }
-        if stored.state != StudyState::Running {
-            let detail = format!("the study is {}: a running one has runs to do", stored.state);
-            return Err(ApiError::new(ProblemKind::WrongState, detail));
+        let obstacle = match stored.state {
+            StudyState::Running => None,
+            StudyState::Paused => Some("the study is paused: resume it to get runs"),
+            StudyState::Finished => Some(HAS_ANSWER),
+            StudyState::Cancelled => return Err(cancelled(id)),
+        };
+        if let Some(obstacle) = obstacle {
+            return Err(ApiError::new(ProblemKind::WrongState, obstacle));
         }
         if let Some(asked) = ask_once(app, &stored, (&ask, request), &faults).await? {
             return Ok(asked);
@@ -141,8 +145,7 @@ async fn ask_once(
         }
     };
     if decided.finished.is_some() && !decided.trials.is_empty() {
-        let detail = "the study has its answer: wider ranges or a larger budget continue it";
-        return Err(ApiError::new(ProblemKind::WrongState, detail));
+        return Err(ApiError::new(ProblemKind::WrongState, HAS_ANSWER));
     }
     let (now, is_finished) = (app.clock.now(), decided.finished.is_some());
     let asked = AskedRuns { request, runs, expires_at: now.plus_ms(expires_ms) };

@@ -1,6 +1,7 @@
-//! Studies: submit, show, answer, pause, resume, cancel, a larger budget, and wider ranges.
+//! Studies: submit, show, answer, pause, resume, cancel, a larger budget, wider ranges, and runs that clients make.
 
 use reqwest::Method;
+use roost_api::ask::{Ask, Asked, Told};
 use roost_api::ids::SweepId;
 use roost_api::page::Page;
 use roost_api::study::{BudgetChange, RangeChange, StudyAnswer, StudyView};
@@ -49,5 +50,17 @@ impl Client {
     /// Widens ranges of a study.
     pub async fn widen_study(&self, id: SweepId, change: &RangeChange) -> ClientResult<StudyView> {
         self.post(&format!("studies/{id}/ranges"), change).await
+    }
+
+    /// Asks a study for runs. A repeat with the same key within a day gets the same runs.
+    pub async fn ask_study(&self, id: SweepId, ask: &Ask, key: &str) -> ClientResult<Asked> {
+        let request = self.request(Method::POST, &format!("studies/{id}/ask")).header("idempotency-key", key);
+        self.fetch(request.json(ask).timeout(SWEEP_TIMEOUT)).await
+    }
+
+    /// Tells a study outcomes of runs. A repeat changes nothing.
+    pub async fn tell_study(&self, id: SweepId, document: &Value) -> ClientResult<Told> {
+        let request = self.request(Method::POST, &format!("studies/{id}/tell"));
+        self.fetch(request.json(document).timeout(SWEEP_TIMEOUT)).await
     }
 }
