@@ -34,8 +34,9 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
                 Some(class) if *sweep.failures.of(class) == 0 => {
                     message!("nothing to retry: no job has failed as {}", class.as_str());
                 }
-                None if sweep.counts.failed + sweep.counts.cancelled == 0 => {
-                    message!("nothing to retry: no job has failed or was cancelled; a cancelled study goes on all the same");
+                // A cancelled study goes on without such jobs.
+                None if sweep.counts.failed + sweep.counts.cancelled == 0 && !sweep.is_study => {
+                    message!("nothing to retry: no job has failed or was cancelled");
                 }
                 _ => {}
             }

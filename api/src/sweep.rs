@@ -187,6 +187,9 @@ pub struct SweepView {
     /// When it was submitted.
     #[schema(value_type = String, format = DateTime)]
     pub submitted_at: Timestamp,
+    /// Whether it belongs to a study, which has the same identifier.
+    #[serde(default)]
+    pub is_study: bool,
 }
 
 /// The data that the deletion of a sweep removes.

@@ -138,9 +138,29 @@ fn a_study_from_its_question_to_its_answer() {
     );
     assert_eq!(show()["runs"]["max_runs"], 25);
     page.until("the study is finished again", &state("finished: as certain as asked"));
+
+    page.click_named("Widen ranges");
+    page.write("Highest gate opening (m)", "0.15");
+    page.click_named("Widen ranges");
+    let grown = "gate opening was 0.02 to 0.12 m and is 0.02 to 0.15 m now";
+    page.until(
+        "the range has grown",
+        &format!("document.querySelector('#answer').innerText.includes('{grown}')"),
+    );
+    // The dialog opens with the present range.
+    page.until("the study is finished once more", &state("finished: as certain as asked"));
+    page.click_named("Widen ranges");
+    page.until("the new range", "find.field('Highest gate opening (m)').value === '0.15'");
+    page.write("Lowest gate opening (m)", "0.03");
+    page.click_named("Widen ranges");
+    page.until("a smaller range is refused", "find.field('Lowest gate opening (m)').matches(':invalid')");
+    page.click_named("Close");
     audit_pages(&mut page, &["/studies", &format!("/studies/{id}")]);
     page.click_named("Results and runs in flight");
     page.until("the sweep of the study", &format!("location.pathname === '/sweeps/{id}'"));
+    page.until("its runs are chosen by the study", "find.control('Clone') && !find.control('Extend')");
+    page.click_named("Question and answer of the study");
+    page.until("the study again", &format!("location.pathname === '/studies/{id}'"));
 }
 
 #[test]
@@ -154,7 +174,7 @@ fn a_cancelled_study_offers_no_further_action() {
     page.open(&format!("/studies/{id}"));
     page.click_named("Cancel");
     page.until("it is cancelled", "document.querySelector('#runs .state').textContent === 'cancelled'");
-    for name in ["Pause", "Resume", "Cancel", "Raise budget"] {
+    for name in ["Pause", "Resume", "Cancel", "Raise budget", "Widen ranges"] {
         page.until(&format!("{name} is gone"), &format!("find.control('{name}') === undefined"));
     }
     assert_eq!(sandbox.get(&format!("/v1/studies/{id}"))["state"], "cancelled");

@@ -18,12 +18,13 @@ export async function show(main, id) {
   const [first, outputs] = await Promise.all([read(`${at}/answer`), readOutputs()]);
   const errors = h("div"), failed = (/** @type {any} */ error) => fill(errors, error ? errorBox(error) : []);
   const shown = pictures(first, outputs);
-  const head = studyHead(at, first.study, update);
+  const head = studyHead(at, first, update);
   main.append(h("div", { class: "row spread" }, h("h1", {}, first.study.name), head.bar), errors, head.runs, head.words, shown.element);
 
   const drawAnswer = runLatest(async () => {
     /** @type {StudyAnswer} */
-    const { answer } = await read(`${at}/answer`);
+    const { answer, factors } = await read(`${at}/answer`);
+    head.setFactors(factors);
     await shown.draw(answer);
   }, failed);
   /** @param {StudyView} study */

@@ -25,7 +25,8 @@ export function head(at, sweep, changed) {
     forecast.update(sweep.counts.queued + sweep.counts.running === 0);
     fill(top, progress(sweep, true),
       h("div", { class: "row" }, state(stateOfSweep(sweep.counts)), h("span", {}, `${(100 * sweep.fraction).toFixed(1)} % of ${plural(total(sweep.counts), "job")}`),
-        h("span", { class: "row counts" }, counts(sweep.counts), (sweep.paused ?? 0) > 0 && h("span", { class: "dim" }, `${(sweep.paused ?? 0).toLocaleString("en")} paused`)), failures(sweep, `/sweeps/${sweep.id}`), speed.text(sweep)),
+        h("span", { class: "row counts" }, counts(sweep.counts), (sweep.paused ?? 0) > 0 && h("span", { class: "dim" }, `${(sweep.paused ?? 0).toLocaleString("en")} paused`)), failures(sweep, `/sweeps/${sweep.id}`), speed.text(sweep),
+        sweep.is_study && h("a", { href: `/studies/${sweep.id}` }, "Question and answer of the study")),
       facts([["Design", `${sweep.design.replaceAll("_", " ")}: ${plural(sweep.points, "point")} × ${sweep.replicates}`],
         ["Factors", sweep.factors.map((pointer) => factorLabel(pointer, sweep.factors)).join(", ") || null],
         ["Submitted", dateTime(sweep.submitted_at)], ["Identifier", h("span", { class: "mono" }, sweep.id)]]));
@@ -78,5 +79,6 @@ function actions(at, first, changed) {
     const send = idempotentPost(`${at}/extend`);
     return (request) => send(request).then(changed);
   });
-  return { elements: [pause, resume, cancel, retry_button, retry_dialog, extension, h("a", { href: `/submit?clone=${first.id}` }, "Clone"), download], update };
+  // A study chooses its runs itself.
+  return { elements: [pause, resume, cancel, retry_button, retry_dialog, !first.is_study && extension, h("a", { href: `/submit?clone=${first.id}` }, "Clone"), download], update };
 }

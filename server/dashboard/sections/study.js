@@ -2,6 +2,7 @@
 // The head of a study's page: state, runs of the budget, question, answer, and actions.
 
 import { post } from "../api.js";
+import { pointersOf } from "../document.js";
 import { fill, h, withCode } from "../dom.js";
 import { dateTime, factorLabel, plural } from "../format.js";
 import { action, facts } from "../parts.js";
@@ -33,8 +34,8 @@ export function runsBar({ name, runs }, is_large = false) {
 }
 
 /**
- * The head of a study; `changed` gets the study after an action.
- * @param {string} at path of the study @param {StudyView} first @param {(study: StudyView) => void} changed
+ * The head of a study; `changed` gets the study after an action. `setFactors` takes the ranges of a newer answer.
+ * @param {string} at path of the study @param {StudyAnswer} first @param {(study: StudyView) => void} changed
  */
 export function studyHead(at, first, changed) {
   const top = h("div"), forecast = forecastOf(at), runs = h("div", {}, top, forecast.element), words = h("section", { class: "card" }), buttons = actions(at, first, changed);
@@ -53,15 +54,15 @@ export function studyHead(at, first, changed) {
     fill(words, h("h2", {}, "Question"), h("p", { id: "question" }, withCode(study.question)), h("h2", {}, "Answer"),
       study.answer.length > 0 ? h("ul", { id: "answer" }, study.answer.map((sentence) => h("li", {}, withCode(sentence)))) : h("p", { class: "dim", id: "answer" }, "No answer yet."));
   }
-  return { runs, words, bar: h("div", { class: "row" }, buttons.elements), draw };
+  return { runs, words, bar: h("div", { class: "row" }, buttons.elements), draw, setFactors: buttons.setFactors };
 }
 
 /**
  * The actions on a study; those that apply are visible. Elements are made once, since a dialog may be open.
- * @param {string} at @param {StudyView} first @param {(study: StudyView) => void} changed
+ * @param {string} at @param {StudyAnswer} first @param {(study: StudyView) => void} changed
  */
 function actions(at, first, changed) {
-  let study = first;
+  let { study, factors } = first;
   const pause = action("Pause", () => post(`${at}/pause`).then(changed)), resume = action("Resume", () => post(`${at}/resume`).then(changed));
   const cancel = action("Cancel", () => post(`${at}/cancel`).then(changed), { ask: () => `End this study and cancel ${plural(study.runs.pending, "run")}?` });
   const max_runs = h("input", { name: "max_runs", type: "number", step: 1, required: true });
@@ -69,6 +70,8 @@ function actions(at, first, changed) {
     max_runs.min = max_runs.value = String(study.runs.max_runs);
     return () => post(`${at}/budget`, { max_runs: Number(max_runs.value) }).then(changed);
   });
+  const has_ranges = factors.some(({ levels }) => !levels);
+  const [widen, widen_dialog] = widenDialog(() => factors, (ranges) => post(`${at}/ranges`, { ranges }).then(changed));
   /** @param {StudyView} next */
   function update(next) {
     study = next;
@@ -76,7 +79,30 @@ function actions(at, first, changed) {
     resume.hidden = study.state !== "paused";
     cancel.hidden = !["running", "paused"].includes(study.state);
     budget.hidden = study.state === "cancelled";
+    widen.hidden = study.state === "cancelled" || !has_ranges;
   }
-  const download = h("a", { href: `${at}/answer`, download: `${first.name}.json` }, "Answer document");
-  return { elements: [pause, resume, cancel, budget, budget_dialog, download], update };
+  const download = h("a", { href: `${at}/answer`, download: `${study.name}.json` }, "Answer document");
+  return { elements: [pause, resume, cancel, budget, budget_dialog, widen, widen_dialog, download], update, setFactors: (/** @type {StudyAnswer["factors"]} */ next) => void (factors = next) };
+}
+
+/**
+ * The dialog that widens the ranges of factors; a factor with levels has none. `read` gives the present ranges.
+ * @param {() => StudyAnswer["factors"]} read @param {(ranges: { pointer: string, low: number, high: number }[]) => Promise<unknown>} post
+ */
+function widenDialog(read, post) {
+  const pointers = read().map((factor) => pointersOf(factor)[0]);
+  const rows = pointers.filter((_, index) => !read()[index].levels).map((pointer) => ({
+    pointer, low: h("input", { type: "number", step: "any", required: true }), high: h("input", { type: "number", step: "any", required: true }),
+  }));
+  const label = (/** @type {string} */ end, /** @type {string} */ pointer) => `${end} ${factorLabel(pointer, pointers)}`;
+  const inside = [h("p", { class: "dim" }, "Ranges can only grow: all runs are kept."),
+    rows.map(({ pointer, low, high }) => h("p", { class: "row" }, h("label", { class: "field" }, label("Lowest", pointer), low), h("label", { class: "field" }, label("Highest", pointer), high)))];
+  return dialog("Widen ranges", inside, () => {
+    for (const { pointer, low, high } of rows) {
+      const factor = read()[pointers.indexOf(pointer)];
+      low.max = low.value = String(factor.low);
+      high.min = high.value = String(factor.high);
+    }
+    return () => post(rows.map(({ pointer, low, high }) => ({ pointer, low: Number(low.value), high: Number(high.value) })));
+  });
 }

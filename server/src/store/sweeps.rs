@@ -12,7 +12,8 @@ use super::jobs::push_label;
 use super::{Store, StoreError};
 
 /// Without the specification, which may be long, and without sweeps that are being submitted or deleted.
-const VIEW: &str = "SELECT seq, id, name, design, points, replicates, runs_per_sample, factors, labels, submitted_at FROM sweeps WHERE state = 'ready'";
+const VIEW: &str = "SELECT seq, id, name, design, points, replicates, runs_per_sample, factors, labels, submitted_at,
+    EXISTS (SELECT 1 FROM studies WHERE sweep_id = sweeps.id) AS is_study FROM sweeps WHERE state = 'ready'";
 
 /// Jobs of each sweep by state; a covering index serves it.
 pub(super) const COUNTS: &str = "SELECT sweep_id, state, count(*) AS jobs FROM jobs
@@ -116,5 +117,6 @@ fn sweep_view(row: &SqliteRow) -> Result<SweepView, StoreError> {
         failures: FailureCounts::default(),
         fraction: 0.0,
         submitted_at: row.moment("submitted_at")?,
+        is_study: row.column("is_study")?,
     })
 }
