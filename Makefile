@@ -24,7 +24,7 @@ test: NEEDS += faketime:faketime
 # The tests of the alerts in deploy/ start a Prometheus of their own; they use no service that the package may start.
 test: NEEDS += promtool:prometheus
 test: needs
-	cargo test --workspace --no-fail-fast
+	cargo test --workspace --no-fail-fast $(TEST)
 
 # Format, lints, documentation of the code, dependencies, and types of the dashboard. A warning is an error.
 check: needs deny dashboard-check

@@ -59,10 +59,9 @@ def ln_density(state):
 
 
 rng = np.random.default_rng(1)
-walkers = 32
-start = np.column_stack([rng.uniform(0.3, 0.7, (walkers, 2)), np.abs(rng.normal(0, 0.5, walkers))])
-moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
-sampler = emcee.EnsembleSampler(walkers, 3, ln_density, moves=moves)
+walkers = 64
+start = np.column_stack([rng.uniform(0.3, 0.7, (walkers, 2)), np.abs(rng.normal(0, 1, walkers))])
+sampler = emcee.EnsembleSampler(walkers, 3, ln_density)
 sampler.random_state = np.random.RandomState(1).get_state()
 sampler.run_mcmc(start, 20000)
 samples = sampler.get_chain(discard=2000, flat=True)

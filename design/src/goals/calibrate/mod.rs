@@ -147,19 +147,27 @@ pub(super) fn decide(goal: &Calibrate, study: &Study<'_>) -> Course {
     let first = first_proposals(study, &setup);
     let by_test = setup.runs_by_test(study.evidence.points().iter());
     let density = density::Density::of(goal, &setup, &by_test);
-    let samples = density.as_ref().and_then(|density| sampler::sample(density, study.seed));
-    let (Some(density), Some(samples)) = (density, samples) else {
+    let sample = |steps| density.as_ref().and_then(|density| sampler::sample(density, study.seed, steps));
+    let samples = sample(sampler::QUICK);
+    let (Some(density), Some(mut samples)) = (&density, samples) else {
         let finding = Finding::Calibrate(CalibrateAnswer::unknown(goal));
         let proposals = if first.is_empty() { further_proposals(study, &setup) } else { first };
         return Course { proposals, is_met: false, is_spent: false, finding };
     };
-    let answer = CalibrateAnswer::of(goal, &setup, &density, &samples, &by_test);
+    let mut answer = CalibrateAnswer::of(goal, &setup, density, &samples, &by_test);
     let is_begun = first.is_empty() && !has_pending(study, &setup);
     let is_met = is_begun && answer.emulator_share.is_some_and(|share| share <= goal.emulator_share);
+    let is_spent = study.evidence.pending() == 0 && study.evidence.spent() >= study.question.budget.max_runs;
+    if (is_met || is_spent)
+        && let Some(thorough) = sample(sampler::THOROUGH)
+    {
+        samples = thorough;
+        answer = CalibrateAnswer::of(goal, &setup, density, &samples, &by_test);
+    }
     let proposals = match () {
         () if study.room == 0 || is_met => Vec::new(),
         // Workers that are free before the first design has ended take runs that it suggests already.
-        () if first.is_empty() => acquisition::proposals(study, &setup, &density, &samples),
+        () if first.is_empty() => acquisition::proposals(study, &setup, density, &samples),
         () => first,
     };
     Course { proposals, is_met, is_spent: false, finding: Finding::Calibrate(answer) }

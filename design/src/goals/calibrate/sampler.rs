@@ -15,12 +15,12 @@ use crate::space::{mixed_seed, sobol};
 const ENSEMBLES: usize = 4;
 /// Fewest walkers of an ensemble.
 const MIN_WALKERS: usize = 16;
-/// Steps that are left out at the beginning.
-const BURN_IN: usize = 300;
-/// Steps that count.
-const STEPS: usize = 600;
-/// Of so many steps one is kept as samples.
-const KEPT_OF: usize = 5;
+/// Steps that count, of a decision about further runs.
+pub(super) const QUICK: usize = 600;
+/// Steps that count, of the answer at the end: a discrepancy near 0 needs hundreds for an independent sample.
+pub(super) const THOROUGH: usize = 4000;
+/// Number of steps that are kept as samples, at least.
+const KEPT: usize = 120;
 /// Points of the ranges that walkers may begin at.
 const STARTS: usize = 2048;
 /// The density is flattened until the starts are worth so many independent ones.
@@ -43,8 +43,9 @@ pub(super) struct Samples {
     pub(super) effective: f64,
 }
 
-/// Samples the density; none when it is nowhere positive.
-pub(super) fn sample(density: &Density<'_>, seed: u64) -> Option<Samples> {
+/// Samples the density by some steps, after half as many that are left out; none when it is nowhere positive.
+pub(super) fn sample(density: &Density<'_>, seed: u64, steps: usize) -> Option<Samples> {
+    let burn_in = steps / 2;
     let size = density.size();
     let walkers = MIN_WALKERS.max(2 * (size + 1));
     let mut random = ChaCha8Rng::seed_from_u64(mixed_seed(seed, 1));
@@ -52,13 +53,13 @@ pub(super) fn sample(density: &Density<'_>, seed: u64) -> Option<Samples> {
     let mut kept = Vec::new();
     let mut best = (f64::NEG_INFINITY, Vec::new());
     // By ensemble and number of the state, the mean of the walkers at each step.
-    let mut means = vec![vec![Vec::with_capacity(STEPS); size]; ENSEMBLES];
-    let mut variance = vec![vec![Vec::with_capacity(STEPS); size]; ENSEMBLES];
-    for step in 0..BURN_IN + STEPS {
+    let mut means = vec![vec![Vec::with_capacity(steps); size]; ENSEMBLES];
+    let mut variance = vec![vec![Vec::with_capacity(steps); size]; ENSEMBLES];
+    for step in 0..burn_in + steps {
         for half in 0..2 {
             stretch(density, &mut states, &mut heights, walkers, half, &mut random);
         }
-        if step < BURN_IN {
+        if step < burn_in {
             continue;
         }
         for (state, height) in states.iter().zip(&heights) {
@@ -75,7 +76,7 @@ pub(super) fn sample(density: &Density<'_>, seed: u64) -> Option<Samples> {
                 variance[ensemble][number].push(squares / walkers as f64);
             }
         }
-        if step % KEPT_OF == 0 {
+        if (step - burn_in) % (steps / KEPT).max(1) == 0 {
             kept.extend(states.iter().cloned());
         }
     }
@@ -85,7 +86,7 @@ pub(super) fn sample(density: &Density<'_>, seed: u64) -> Option<Samples> {
     }
     let r_hat = (0..size).map(|number| r_hat(&means, &variance, number)).fold(1.0, f64::max);
     let time = (0..size).map(|number| autocorrelation_time(&means, number)).fold(1.0, f64::max);
-    let effective = (ENSEMBLES * walkers * STEPS) as f64 / time;
+    let effective = (ENSEMBLES * walkers * steps) as f64 / time;
     Some(Samples { states: kept, best: best.1, r_hat, effective })
 }
 
@@ -181,8 +182,9 @@ fn r_hat(means: &[Vec<Vec<f64>>], variance: &[Vec<Vec<f64>>], number: usize) -> 
     let mut centres = Vec::new();
     let mut within = Vec::new();
     for (means, variance) in means.iter().zip(variance) {
+        let count = means[number].len();
         for half in 0..2 {
-            let range = half * STEPS / 2..(half + 1) * STEPS / 2;
+            let range = half * count / 2..(half + 1) * count / 2;
             let steps = &means[number][range.clone()];
             let centre = mean(steps);
             let between_steps = steps.iter().map(|step| (step - centre).powi(2)).sum::<f64>();
@@ -199,10 +201,11 @@ fn r_hat(means: &[Vec<Vec<f64>>], variance: &[Vec<Vec<f64>>], number: usize) -> 
 /// Autocorrelation time of a number in steps, by the means of the ensembles.
 fn autocorrelation_time(means: &[Vec<Vec<f64>>], number: usize) -> f64 {
     let series: Vec<&[f64]> = means.iter().map(|means| means[number].as_slice()).collect();
+    let count = series[0].len();
     let covariance = |lag: usize| {
         let each = series.iter().map(|steps| {
-            let middle = steps.iter().sum::<f64>() / STEPS as f64;
-            (0..STEPS - lag).map(|step| (steps[step] - middle) * (steps[step + lag] - middle)).sum::<f64>()
+            let middle = steps.iter().sum::<f64>() / count as f64;
+            (0..count - lag).map(|step| (steps[step] - middle) * (steps[step + lag] - middle)).sum::<f64>()
         });
         each.sum::<f64>()
     };
@@ -211,7 +214,7 @@ fn autocorrelation_time(means: &[Vec<Vec<f64>>], number: usize) -> f64 {
         return 1.0;
     }
     let mut time = 1.0;
-    for lag in 1..STEPS / 2 {
+    for lag in 1..count / 2 {
         time += 2.0 * covariance(lag) / variance;
         if lag as f64 >= WINDOW * time {
             break;

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::density::Density;
-use super::sampler::sample;
+use super::sampler::{THOROUGH, sample};
 use super::{Setup, TEST};
 use crate::space::sobol;
 use crate::{Evidence, Goal, Outcome, Point, Question, Run};
@@ -85,7 +85,7 @@ fn samples_agree_with_emcee() {
                 && variances.iter().zip(known_variances).all(|(one, other)| near(one, other));
             assert!(is_same, "the emulators have changed: write the table again, and run calibration.py");
         }
-        let samples = sample(density, 3).unwrap();
+        let samples = sample(density, 3, THOROUGH).unwrap();
         for (number, [mean, deviation, low, middle, high]) in table.emcee.iter().enumerate() {
             let scale = if number == 2 { 0.1 } else { 1.0 };
             let mut values: Vec<f64> = samples.states.iter().map(|state| scale * state[number]).collect();
