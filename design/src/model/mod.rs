@@ -36,7 +36,7 @@ pub const MAX_POINTS: usize = 200;
 /// Prior of the noise of means, in squares of the spread: median, and standard deviation of the logarithm.
 const NOISE: (f64, f64) = (0.1, 2.0);
 /// The same for a simulation whose replicates are equal.
-const EXACT: (f64, f64) = (1e-6, 1.0);
+const EXACT: (f64, f64) = (1e-6, 2.0);
 /// Magnitudes of responses whose squares are ordinary numbers.
 const ORDINARY: std::ops::Range<f64> = 1e-100..1e100;
 

@@ -4,11 +4,11 @@
 //! C_ic² / (C_cc + r) / (ε² + C_ii): the part of the variance of the emulator that the run removes, relative to the variance with which
 //! the number is compared. Runs in flight count as fantasies.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::DMatrix;
 
-use super::Setup;
+use super::{Setup, first_sets};
 use super::density::Density;
 use super::sampler::Samples;
 use crate::evidence::Point;
@@ -43,6 +43,23 @@ impl Watched {
     }
 }
 
+/// Runs of tests that have too few values of a measured number: each test at samples of the posterior by the other numbers, as long as it has
+/// had fewer than twice the runs of the first design.
+pub(super) fn of_unknown(study: &Study<'_>, setup: &Setup<'_>, density: &Density<'_>, samples: &Samples, tests: &[usize]) -> Vec<Proposal> {
+    let most = 2 * first_sets(study.question);
+    let mut proposals = Vec::new();
+    for test in tests {
+        let of_test = study.evidence.points().iter().filter(|runs| setup.split(&runs.point).1 == *test);
+        let had: usize = of_test.map(|runs| runs.count()).sum();
+        let sets = samples.states.iter().map(|state| setup.point(&state[..density.parameters.len()], *test));
+        let new = sets.filter(|point| study.evidence.at(point).is_none());
+        proposals.extend(new.take(most.saturating_sub(had)).map(|point| Proposal { point, replicate: 0 }));
+    }
+    let mut seen = BTreeSet::new();
+    proposals.retain(|proposal| seen.insert(proposal.point.clone()));
+    proposals
+}
+
 /// A test with its candidates and what is known at them.
 struct Candidates {
     points: Vec<Point>,
@@ -68,7 +85,7 @@ pub(super) fn proposals(
     let share = chosen.iter().map(|state| density.share(state)).sum::<f64>() / posterior as f64;
     sets.extend(elsewhere);
     let mut tests: Vec<Candidates> = (0..setup.tests())
-        .map(|test| candidates(study, setup, density, &sets, share, test))
+        .map(|test| candidates(study, setup, density, (&sets, posterior), share, test))
         .collect();
     let mut next: BTreeMap<Point, u32> = BTreeMap::new();
     let mut proposals = Vec::new();
@@ -103,12 +120,12 @@ pub(super) fn proposals(
     proposals
 }
 
-/// The candidates of a test: the given sets of parameters, then those of its runs in flight, whose results count as known.
+/// The candidates of a test: the given sets of parameters, the first `count` of them samples, then those of its runs in flight, whose results count as known.
 fn candidates(
     study: &Study<'_>,
     setup: &Setup<'_>,
     density: &Density<'_>,
-    sets: &[Vec<f64>],
+    (sets, count): (&[Vec<f64>], usize),
     share: f64,
     test: usize,
 ) -> Candidates {
@@ -129,13 +146,11 @@ fn candidates(
             }
         }
         let error = if target.is_share() {
-            // The variance of a measured share's log odds.
-            let n = target.n as f64;
-            let p = ((target.mean * n + 0.5) / (n + 1.0)).clamp(1e-6, 1.0 - 1e-6);
-            1.0 / (n * p * (1.0 - p))
+            target.log_odds().1
         } else {
-            let error = target.error().hypot(share * target.mean);
-            emulator.latent_error(target.mean, error).powi(2)
+            let emulated = emulator.at(&matrix).means;
+            let mean = emulated[..count].iter().sum::<f64>() / count as f64;
+            emulator.latent_error(mean, target.error().hypot(share * target.mean)).powi(2)
         };
         Watched { fantasies, error }
     });

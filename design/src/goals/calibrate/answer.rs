@@ -2,6 +2,7 @@
 
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
+use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::density::Density;
 use super::emulator::constant;
@@ -11,12 +12,11 @@ use super::{Calibrate, Setup, Target};
 use crate::evidence::{Outcome, PointRuns};
 use crate::intervals::CONFIDENCE;
 use crate::model::binomial::probability;
-use crate::space::sobol;
 
 /// Maximum number of samples in the answer.
 const LISTED: usize = 500;
-/// Points of the ranges by which the priors' deviations are computed.
-const PRIOR_POINTS: usize = 1024;
+/// Places of each range by which the deviation of its prior is computed.
+const PRIOR_PLACES: usize = 4000;
 
 /// The finding of the goal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,11 +31,11 @@ pub struct CalibrateAnswer {
     pub discrepancy: Option<Interval>,
     /// Simulated against measured numbers, in the order of the question.
     pub targets: Vec<TargetAgreement>,
-    /// Largest share of the emulators in the variance with which a measured number is compared.
+    /// Largest share of the emulators in the variance with which a measured number is compared, of all numbers that have an emulator.
     pub emulator_share: Option<f64>,
     /// Pairs of parameters of which the tests tell a combination, but not each.
     pub pairs: Vec<PairOfParameters>,
-    /// Responses of the tests that were not measured, and would narrow a parameter or pair.
+    /// Responses of the tests that were not measured, and would narrow a parameter or pair; known when the study has ended.
     pub further: Vec<Narrowing>,
     /// Largest R̂ of the samples: above 1.05 the intervals are rough.
     pub r_hat: Option<f64>,
@@ -78,14 +78,17 @@ pub struct TargetAgreement {
     pub without: usize,
     /// Simulated mean and its 95 % interval over the posterior; none before enough runs have the number.
     pub simulated: Option<Interval>,
-    /// Distance of the measured mean from the simulated one, in standard deviations of their difference. None for a share of yes.
+    /// Distance of the measured mean from the simulated one, in standard deviations of their difference; of shares, that of the log odds.
     pub distance: Option<f64>,
 }
 
 impl TargetAgreement {
-    /// Whether simulation and measurement contradict each other: the distance is above 3.
+    /// Whether simulation and measurement contradict each other: the distance is above the two-sided 99 % quantile of Student's t with n − 1
+    /// degrees of freedom; of shares, and of deviations that come from elsewhere, of the normal distribution.
     pub fn is_contradicted(&self) -> bool {
-        self.distance.is_some_and(|distance| distance.abs() > 3.0)
+        let freedom = if self.target.is_share() { 0 } else { self.target.n.saturating_sub(1) };
+        let limit = StudentsT::new(0.0, 1.0, freedom as f64).map_or(2.576, |students| students.inverse_cdf(0.995));
+        self.distance.is_some_and(|distance| distance.abs() > limit)
     }
 }
 
@@ -136,6 +139,7 @@ impl CalibrateAnswer {
         density: &Density<'_>,
         samples: &Samples,
         by_test: &[Vec<PointRuns>],
+        is_last: bool,
     ) -> Self {
         let factors = density.parameters;
         let posterior = identifiability::Posterior::of(factors.len(), &samples.states, &prior_deviations(density));
@@ -152,8 +156,7 @@ impl CalibrateAnswer {
         };
         let (targets, shares): (Vec<TargetAgreement>, Vec<Option<f64>>) =
             agreements(goal, setup, density, &listed, by_test).into_iter().unzip();
-        // A number without an emulator is not known at all.
-        let emulator_share = shares.into_iter().map(|share| share.unwrap_or(1.0)).reduce(f64::max);
+        let emulator_share = shares.into_iter().flatten().reduce(f64::max);
         let shares = samples.states.iter().map(|state| density.share(state));
         Self {
             parameters: parameters.collect(),
@@ -163,7 +166,12 @@ impl CalibrateAnswer {
             targets,
             emulator_share,
             pairs: posterior.pairs(factors),
-            further: identifiability::further(goal, setup, density, &posterior, &listed, by_test),
+            // It fits a model to every response.
+            further: if is_last {
+                identifiability::further(goal, setup, density, &posterior, &listed, by_test)
+            } else {
+                Vec::new()
+            },
             r_hat: Some(samples.r_hat),
             effective_samples: Some(samples.effective),
         }
@@ -172,18 +180,16 @@ impl CalibrateAnswer {
 
 /// Standard deviations of the priors, along the scales of the factors.
 fn prior_deviations(density: &Density<'_>) -> Vec<f64> {
-    let size = density.size();
-    let points: Vec<Vec<f64>> = (0..PRIOR_POINTS).map(|index| sobol(index, size, 0)).collect();
-    let logs: Vec<f64> = points.iter().map(|point| density.ln_prior(point)).collect();
-    let largest = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let weights: Vec<f64> = logs.iter().map(|ln| (ln - largest).exp()).collect();
-    let total: f64 = weights.iter().sum();
-    let mean = |of: &dyn Fn(&[f64]) -> f64| {
-        points.iter().zip(&weights).map(|(point, weight)| weight * of(point)).sum::<f64>() / total
-    };
     let deviation = |index: usize| {
-        let centre = mean(&|point| point[index]);
-        mean(&|point| (point[index] - centre).powi(2)).sqrt()
+        let places = (0..PRIOR_PLACES).map(|place| (place as f64 + 0.5) / PRIOR_PLACES as f64);
+        let logs: Vec<(f64, f64)> = places.map(|place| (place, density.ln_prior_of(index, place))).collect();
+        let largest = logs.iter().map(|(_, ln)| *ln).fold(f64::NEG_INFINITY, f64::max);
+        let weights: Vec<(f64, f64)> = logs.into_iter().map(|(place, ln)| (place, (ln - largest).exp())).collect();
+        let total: f64 = weights.iter().map(|(_, weight)| weight).sum();
+        let mean = weights.iter().map(|(place, weight)| place * weight).sum::<f64>() / total;
+        let squares = weights.iter().map(|(place, weight)| weight * (place - mean).powi(2)).sum::<f64>();
+        // A prior that is narrower than the places are apart.
+        (squares / total).sqrt().max(0.5 / PRIOR_PLACES as f64)
     };
     (0..density.parameters.len()).map(deviation).collect()
 }
@@ -214,18 +220,19 @@ fn agreements(
         };
         let emulated = density.emulators[known].at(&points);
         let unknown = emulated.variances.iter().sum::<f64>() / listed.len() as f64;
+        let mean = emulated.means.iter().sum::<f64>() / listed.len() as f64;
+        let spread = emulated.means.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / listed.len() as f64;
         if target.is_share() {
-            let n = target.n as f64;
-            let p = ((target.mean * n + 0.5) / (n + 1.0)).clamp(1e-6, 1.0 - 1e-6);
+            // On the scale of the log odds.
+            let (odds, compared) = target.log_odds();
             let simulated = estimated(emulated.means.iter().map(|odds| probability(*odds)).collect());
-            let share = unknown / (unknown + 1.0 / (n * p * (1.0 - p)));
+            let distance = Some((odds - mean) / (compared + unknown + spread).sqrt());
+            let share = unknown / (unknown + compared);
             let simulated = Some(simulated);
-            return (TargetAgreement { target, runs, without, simulated, distance: None }, Some(share));
+            return (TargetAgreement { target, runs, without, simulated, distance }, Some(share));
         }
         let simulated = estimated(emulated.means.clone());
-        let spread = emulated.means.iter().map(|mean| (mean - simulated.mean).powi(2)).sum::<f64>();
-        let spread = spread / listed.len() as f64;
-        let compared = target.error().powi(2) + (share * target.mean).powi(2);
+        let compared = density.targets[known].1.error().powi(2) + (share * target.mean).powi(2);
         let distance = (target.mean - simulated.mean) / (compared + unknown + spread).sqrt();
         let emulator_share = unknown / (unknown + compared);
         let (simulated, distance) = (Some(simulated), Some(distance));

@@ -14,6 +14,7 @@
 //! the probability that they do not: such parameters contradict the test.
 
 use nalgebra::{DMatrix, DVector};
+use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::emulator::{Emulated, Emulator, completeness, constant};
 use super::prior::{self, ParameterPrior};
@@ -25,14 +26,10 @@ use crate::model::Model;
 use crate::model::binomial::probability;
 use crate::question::Measure;
 
-/// Nodes and weights of Gauss and Hermite for a standard normal variable.
-const NODES: [(f64, f64); 5] = [
-    (-2.856_970_013_872_806, 0.011_257_411_327_720_69),
-    (-1.355_626_179_974_266, 0.222_075_922_005_612_65),
-    (0.0, 0.533_333_333_333_333_3),
-    (1.355_626_179_974_266, 0.222_075_922_005_612_65),
-    (2.856_970_013_872_806, 0.011_257_411_327_720_69),
-];
+/// Number of equally probable values that stand for the normal log odds of an emulator.
+const NODES: usize = 24;
+/// Least error of a measured mean, as a share of the spread of simulated values: a mean of 0 has no other.
+const LEAST_SPREAD: f64 = 1e-3;
 
 /// The posterior density.
 #[derive(Debug)]
@@ -62,7 +59,7 @@ impl<'a> Density<'a> {
                 continue;
             }
             if let Some(emulator) = Emulator::fit(parameters, &target.of, runs) {
-                targets.push((index, target.clone()));
+                targets.push((index, with_least_error(target, runs)));
                 emulators.push(emulator);
             }
         }
@@ -98,6 +95,11 @@ impl<'a> Density<'a> {
         self.discrepancy.map_or(0.0, |scale| scale * state[self.parameters.len()])
     }
 
+    /// Log density of the prior of a parameter at a coordinate, up to a constant.
+    pub(super) fn ln_prior_of(&self, parameter: usize, coordinate: f64) -> f64 {
+        prior::ln_density(&self.parameters[parameter], self.priors[parameter], coordinate)
+    }
+
     /// Log density of the priors at a state, up to a constant; of none outside the ranges.
     pub(super) fn ln_prior(&self, state: &[f64]) -> f64 {
         let (parameters, discrepancy) = state.split_at(self.parameters.len());
@@ -105,9 +107,8 @@ impl<'a> Density<'a> {
         if !is_inside || discrepancy.iter().any(|units| *units < 0.0) {
             return f64::NEG_INFINITY;
         }
-        let each = self.parameters.iter().zip(&self.priors).zip(parameters);
-        let parameters: f64 =
-            each.map(|((factor, prior), coordinate)| prior::ln_density(factor, *prior, *coordinate)).sum();
+        let each = parameters.iter().enumerate();
+        let parameters: f64 = each.map(|(index, coordinate)| self.ln_prior_of(index, *coordinate)).sum();
         parameters - 0.5 * discrepancy.iter().map(|units| units * units).sum::<f64>()
     }
 
@@ -125,7 +126,8 @@ impl<'a> Density<'a> {
             let share = self.share(&state);
             let groups = self.groups.iter().map(|group| self.ln_group(group, &emulated, column, share));
             let complete = complete.iter().map(|found| probability(found.means[column]).ln());
-            prior + groups.sum::<f64>() + complete.sum::<f64>()
+            let ln = prior + groups.sum::<f64>() + complete.sum::<f64>();
+            if ln.is_nan() { f64::NEG_INFINITY } else { ln }
         };
         (0..states.ncols()).map(ln).collect()
     }
@@ -160,17 +162,28 @@ impl<'a> Density<'a> {
     }
 }
 
+/// A target whose error is not below a share of the spread of simulated values.
+fn with_least_error(target: &Target, runs: &[PointRuns]) -> Target {
+    let values: Vec<f64> = runs.iter().flat_map(|point| point.values(&target.of)).collect();
+    let spread = roost_stats::Sample::of(&values).and_then(|sample| sample.deviation).unwrap_or(0.0);
+    let least = LEAST_SPREAD * spread * (target.n as f64).sqrt();
+    Target { deviation: target.deviation.max(least), ..target.clone() }
+}
+
 /// Log probability of the number of yes among the replicates, up to a constant, with normal log odds.
 fn ln_binomial(target: &Target, mean: f64, deviation: f64) -> f64 {
     let n = target.n as f64;
     let yes = (target.mean * n).round();
-    let terms = NODES.map(|(node, weight)| {
-        // ln p and ln (1 − p) of log odds x are −ln(1 + exp(−x)) and −ln(1 + exp(x)).
-        let odds = mean + deviation * node;
-        weight.ln() - yes * softplus(-odds) - (n - yes) * softplus(odds)
-    });
+    let terms: Vec<f64> = (0..NODES)
+        .map(|node| {
+            let normal = Normal::standard().inverse_cdf((node as f64 + 0.5) / NODES as f64);
+            // ln p and ln (1 − p) of log odds x are −ln(1 + exp(−x)) and −ln(1 + exp(x)).
+            let odds = mean + deviation * normal;
+            -yes * softplus(-odds) - (n - yes) * softplus(odds)
+        })
+        .collect();
     let largest = terms.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    largest + terms.iter().map(|term| (term - largest).exp()).sum::<f64>().ln()
+    largest + (terms.iter().map(|term| (term - largest).exp()).sum::<f64>() / NODES as f64).ln()
 }
 
 /// ln(1 + exp x).

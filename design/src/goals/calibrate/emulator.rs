@@ -94,7 +94,7 @@ impl Emulator {
         Emulated { means, variances }
     }
 
-    /// A standard deviation around a mean, in latent values of the model.
+    /// A standard deviation around an emulated mean, in latent values of the model.
     pub(super) fn latent_error(&self, mean: f64, error: f64) -> f64 {
         let relative = if self.is_log { error / mean.abs().max(f64::MIN_POSITIVE) } else { error };
         relative / self.scale()
@@ -106,8 +106,11 @@ impl Emulator {
     }
 }
 
-/// The value of a measure in all runs, if there are enough runs and all have the same.
+/// The value of a measure in all runs, if there are enough runs and all have the same. Equal answers of yes or no are chance: none for these.
 pub(super) fn constant(measure: &Measure, runs: &[PointRuns]) -> Option<f64> {
+    if matches!(measure, Measure::Probability(_)) {
+        return None;
+    }
     let values: Vec<f64> = runs.iter().flat_map(|point| point.values(measure)).collect();
     let is_constant = values.len() >= MIN_VALUES && values.iter().all(|value| *value == values[0]);
     is_constant.then(|| values[0])

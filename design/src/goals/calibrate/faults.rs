@@ -1,12 +1,12 @@
 //! Faults of the fields of the goal.
 
-use serde_json::json;
-
 use super::{Calibrate, ParameterPrior, Setup};
 use crate::factor::Factor;
 use crate::fault::{Fault, fault};
 use crate::question::Budget;
 
+/// Maximum number of measured numbers: each has an emulator, and the time of a decision grows with them.
+const MAX_TARGETS: usize = 48;
 /// Maximum number of parameters: the posterior of more is not found with a few hundred runs.
 const MAX_PARAMETERS: usize = 8;
 
@@ -23,8 +23,10 @@ impl Calibrate {
             let allowed = "`low` and `high` of a number that is not whole";
             faults.push(fault(&format!("/factors/{index}"), &factor.name, detail, allowed));
         }
-        if self.targets.is_empty() {
-            faults.push(fault(&format!("{at}/targets"), json!([]), "nothing was measured", "at least one"));
+        if !(1..=MAX_TARGETS).contains(&self.targets.len()) {
+            let detail = "unsuitable number of measured numbers";
+            let allowed = format!("1 to {MAX_TARGETS}");
+            faults.push(fault(&format!("{at}/targets"), self.targets.len(), detail, &allowed));
         }
         for (index, target) in self.targets.iter().enumerate() {
             let at = format!("{at}/targets/{index}");
@@ -46,6 +48,10 @@ impl Calibrate {
                 faults.push(fault(&at, &prior.parameter, "the parameter has two priors", "one prior"));
             }
             prior_faults(&at, prior, faults);
+            if let Some(factor) = factor.filter(|factor| prior.log_normal.is_some() && factor.low < 0.0) {
+                let detail = "the range of the parameter reaches below 0, where a log-normal prior has nothing";
+                faults.push(fault(&format!("{at}/log_normal"), factor.low, detail, "a normal prior"));
+            }
         }
         if let Some(scale) = self.discrepancy.filter(|scale| !(*scale > 0.0 && *scale <= 1.0)) {
             let allowed = "more than 0 and at most 1; left out for none";

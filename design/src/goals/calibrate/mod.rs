@@ -30,7 +30,7 @@ mod tests;
 #[cfg(test)]
 mod tests_emcee;
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
 
@@ -47,6 +47,9 @@ pub use target::{CurvePlace, Target};
 
 /// Name of the factor whose levels are the tests.
 pub const TEST: &str = "test";
+
+/// Number of sets of the first design that are run twice.
+const TWICE: usize = 2;
 
 /// The fields of the goal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -139,7 +142,7 @@ pub(crate) fn first_sets(question: &Question) -> usize {
 
 /// Number of runs in the best case: the first design.
 pub(crate) fn least_runs(question: &Question) -> usize {
-    (first_sets(question) + 1) * Setup::of(&question.factors).tests()
+    (first_sets(question) + TWICE) * Setup::of(&question.factors).tests()
 }
 
 pub(super) fn decide(goal: &Calibrate, study: &Study<'_>) -> Course {
@@ -154,23 +157,37 @@ pub(super) fn decide(goal: &Calibrate, study: &Study<'_>) -> Course {
         let proposals = if first.is_empty() { further_proposals(study, &setup) } else { first };
         return Course { proposals, is_met: false, is_spent: false, finding };
     };
-    let mut answer = CalibrateAnswer::of(goal, &setup, density, &samples, &by_test);
+    let mut answer = CalibrateAnswer::of(goal, &setup, density, &samples, &by_test, false);
     let is_begun = first.is_empty() && !has_pending(study, &setup);
-    let is_met = is_begun && answer.emulator_share.is_some_and(|share| share <= goal.emulator_share);
+    let is_certain = is_begun && answer.emulator_share.is_some_and(|share| share <= goal.emulator_share);
+    let unknown = if is_certain {
+        acquisition::of_unknown(study, &setup, density, &samples, &unknown_tests(&setup, &answer))
+    } else {
+        Vec::new()
+    };
+    let is_met = is_certain && unknown.is_empty();
     let is_spent = study.evidence.pending() == 0 && study.evidence.spent() >= study.question.budget.max_runs;
-    if (is_met || is_spent)
-        && let Some(thorough) = sample(sampler::THOROUGH)
-    {
-        samples = thorough;
-        answer = CalibrateAnswer::of(goal, &setup, density, &samples, &by_test);
-    }
     let proposals = match () {
         () if study.room == 0 || is_met => Vec::new(),
+        () if is_certain => unknown,
         // Workers that are free before the first design has ended take runs that it suggests already.
         () if first.is_empty() => acquisition::proposals(study, &setup, density, &samples),
         () => first,
     };
+    if (is_met || is_spent)
+        && let Some(thorough) = sample(sampler::THOROUGH)
+    {
+        samples = thorough;
+        answer = CalibrateAnswer::of(goal, &setup, density, &samples, &by_test, true);
+    }
     Course { proposals, is_met, is_spent: false, finding: Finding::Calibrate(answer) }
+}
+
+/// The tests with a measured number that too few runs have.
+fn unknown_tests(setup: &Setup<'_>, answer: &CalibrateAnswer) -> Vec<usize> {
+    let unknown = answer.targets.iter().filter(|of| of.simulated.is_none());
+    let tests: BTreeSet<usize> = unknown.filter_map(|of| setup.test(&of.target.test)).collect();
+    tests.into_iter().collect()
 }
 
 /// The sets of parameters of the first design.
@@ -179,13 +196,19 @@ fn first_design(study: &Study<'_>, setup: &Setup<'_>) -> Vec<Vec<f64>> {
     distinct(setup.parameters(), 0..sets, study.seed).map(|point| point.coordinates()).collect()
 }
 
-/// Runs of the first design that do not exist yet: every set of parameters in every test. The first set is run twice, which tells whether
-/// a test depends on its seed.
+/// Runs of the first design that do not exist yet: every set of parameters in every test. The first two sets are run twice, which tells
+/// whether a test depends on its seed. A test that has as many sets already, of narrower ranges for instance, needs no others.
 fn first_proposals(study: &Study<'_>, setup: &Setup<'_>) -> Vec<Proposal> {
     let mut proposals = Vec::new();
-    for (index, set) in first_design(study, setup).iter().enumerate() {
-        let wanted = if index == 0 { 2 } else { 1 };
-        for test in 0..setup.tests() {
+    let design = first_design(study, setup);
+    let is_of_design = |point: &Point| design.iter().any(|set| setup.point(set, setup.split(point).1) == *point);
+    let mut others = vec![0; setup.tests()];
+    for runs in study.evidence.points().iter().filter(|runs| !is_of_design(&runs.point)) {
+        others[setup.split(&runs.point).1] += 1;
+    }
+    for (index, set) in design.iter().enumerate() {
+        let wanted = if index < TWICE { 2.min(study.question.budget.max_replicates) } else { 1 };
+        for test in (0..setup.tests()).filter(|test| others[*test] < design.len()) {
             let point = setup.point(set, test);
             let known = study.evidence.at(&point);
             if known.is_some_and(|known| study.question.excludes(known)) {
@@ -208,11 +231,11 @@ fn has_pending(study: &Study<'_>, setup: &Setup<'_>) -> bool {
 
 /// Further sets of the sequence, one run of each test: nothing is known yet, or nothing agrees.
 fn further_proposals(study: &Study<'_>, setup: &Setup<'_>) -> Vec<Proposal> {
-    let known: BTreeMap<&Point, ()> = study.evidence.points().iter().map(|runs| (&runs.point, ())).collect();
+    let known: BTreeSet<&Point> = study.evidence.points().iter().map(|runs| &runs.point).collect();
     let sets = distinct(setup.parameters(), first_sets(study.question)..SEQUENCE_LENGTH, study.seed);
     let points =
         sets.flat_map(|set| (0..setup.tests()).map(move |test| (set.coordinates(), test)).collect::<Vec<_>>());
     let points = points.map(|(set, test)| setup.point(&set, test));
-    let new = points.filter(|point| !known.contains_key(point));
+    let new = points.filter(|point| !known.contains(point));
     new.take(study.room).map(|point| Proposal { point, replicate: 0 }).collect()
 }

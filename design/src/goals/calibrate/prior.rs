@@ -51,6 +51,9 @@ pub(super) fn ln_density(factor: &Factor, prior: Option<&ParameterPrior>, coordi
         ln_slope - 0.5 * ((value - mean) / deviation).powi(2)
     });
     let log_normal = prior.log_normal.map_or(0.0, |LogNormalPrior { median, factor }| {
+        if value <= 0.0 {
+            return f64::NEG_INFINITY;
+        }
         ln_slope - value.ln() - 0.5 * ((value / median).ln() / factor.ln()).powi(2)
     });
     normal + log_normal

@@ -51,6 +51,13 @@ impl Target {
         (self.deviation / (self.n as f64).sqrt()).max(least).max(f64::MIN_POSITIVE.sqrt())
     }
 
+    /// Log odds of a measured share, and their variance; half a replicate more of yes and of no keeps both finite.
+    pub(super) fn log_odds(&self) -> (f64, f64) {
+        let n = self.n as f64 + 1.0;
+        let p = (self.mean * self.n as f64 + 0.5) / n;
+        ((p / (1.0 - p)).ln(), 1.0 / (n * p * (1.0 - p)))
+    }
+
     /// Whether it is a share of yes.
     pub(super) fn is_share(&self) -> bool {
         matches!(self.of, Measure::Probability(_))

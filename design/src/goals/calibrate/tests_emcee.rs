@@ -86,6 +86,7 @@ fn samples_agree_with_emcee() {
             assert!(is_same, "the emulators have changed: write the table again, and run calibration.py");
         }
         let samples = sample(density, 3, THOROUGH).unwrap();
+        assert_eq!(table.emcee.len(), 3, "run calibration.py");
         for (number, [mean, deviation, low, middle, high]) in table.emcee.iter().enumerate() {
             let scale = if number == 2 { 0.1 } else { 1.0 };
             let mut values: Vec<f64> = samples.states.iter().map(|state| scale * state[number]).collect();
