@@ -6,6 +6,7 @@ use std::path::Path;
 
 use anyhow::Result;
 use roost_api::Fault;
+use roost_api::design::Factor;
 use roost_api::measurements::SCHEMA;
 use roost_server::{Lab, Limits, TestTargets, read_measurements};
 use roost_terminal::{format, input, print_json, print_line};
@@ -82,14 +83,14 @@ pub(crate) fn insert_posterior(folder: &Path, document: &mut Value) -> Option<Fa
     let found = read.and_then(|answer| {
         let finding = answer.pointer("/answer/finding/calibrate");
         let finding = finding.ok_or_else(|| format!("{name} is no answer of a calibration"))?;
-        let names = finding["parameters"].as_array().into_iter().flatten();
-        let names: Vec<Value> = names.map(|parameter| parameter["parameter"].clone()).collect();
-        Ok((names, finding["samples"].clone()))
+        let factors: Vec<Factor> = serde_json::from_value(answer["factors"].clone()).map_err(|error| error.to_string())?;
+        let fields: Vec<Vec<&str>> = factors.iter().map(|factor| factor.fields()).collect();
+        let samples = finding["samples"].as_array().cloned().unwrap_or_default();
+        Ok(roost_server::posterior_columns(&fields, &samples))
     });
     match found {
-        Ok((parameters, samples)) => {
-            draws.insert("parameters".to_owned(), json!(parameters));
-            draws.insert("samples".to_owned(), samples);
+        Ok(columns) => {
+            draws.extend(columns);
             None
         }
         Err(detail) => {

@@ -43,4 +43,5 @@ pub use queue::{RetryLimit, RetryPolicy};
 pub use roost_solver::Limits;
 pub use server::{Server, ServerError};
 pub use store::{BackupReport, Bucket, BucketError, StoreError, TokenFile};
+pub use sweep::posterior_columns;
 pub use validation::{is_measurements, is_study, is_sweep, validate};

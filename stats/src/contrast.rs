@@ -9,6 +9,7 @@
 //! | P, S | number of points and of seeds |
 //! | by seed | e_s = Σ_p c_p y_ps for each seed; the interval is that of the mean of the e_s |
 //! | additive model | y_ps = m_p + b_s + ε_ps: Σ_p c_p ȳ_p ± t(ν) σ √(Σ c_p² / S) with the residual variance σ², ν = (P − 1)(S − 1) |
+//! | by sample | as by seed, where seeds in a row share parameters that were drawn from what is known of them ([`Nested`]) |
 //! | unpaired | Σ_p c_p ȳ_p ± t(ν) √(Σ c_p² s_p² / n_p), ν after Welch and Satterthwaite |
 //!
 //! By seed is exact for normal values, whatever their variances and correlations, but t is large for few seeds. Below 5 seeds the additive
@@ -18,8 +19,11 @@
 //! event (Price and Bonett 2004), with k = (Σ|c_p|)² / Σ c_p², the number of points whose weights are large. For two points these are two
 //! trials (Agresti and Caffo 2000). Within a seed they are independent between points (Agresti and Min 2005).
 
+use std::collections::BTreeMap;
+
 use crate::comparison::{ErrorTerm, unpaired_half_width};
 use crate::line::ROUNDING;
+use crate::nested::Nested;
 use crate::sample::{Sample, t_quantile_95};
 use crate::share::Interval;
 
@@ -68,6 +72,8 @@ pub struct PointTable {
     seeds: Vec<u64>,
     /// Whether a later point has other seeds.
     is_incomplete: bool,
+    /// Seeds in a row that share drawn parameters; 0 without such.
+    runs_per_sample: u64,
 }
 
 impl PointTable {
@@ -91,10 +97,16 @@ impl PointTable {
         self.ends.push(self.values.len());
     }
 
+    /// The same table, of which so many seeds in a row share parameters that were drawn; seeds are then numbers of replicates from 0 on. The
+    /// intervals are those with the true parameters, whatever they are.
+    pub fn with_samples(self, runs_per_sample: u32) -> Self {
+        Self { runs_per_sample: u64::from(runs_per_sample), ..self }
+    }
+
     /// The same table with other values.
     pub fn map(&self, value: impl Fn(f64) -> f64) -> Self {
         let values = self.values.iter().map(|old| value(*old)).collect();
-        Self { values, ends: self.ends.clone(), seeds: self.seeds.clone(), is_incomplete: self.is_incomplete }
+        Self { values, ..self.clone() }
     }
 
     /// The values of each point.
@@ -123,6 +135,7 @@ impl PointTable {
     /// How intervals use common seeds: at least two points need the same seeds, and at least two of them.
     pub fn pairing(&self, kind: Values) -> Pairing {
         match self.common_seeds() {
+            Some(_) if self.runs_per_sample > 0 => Pairing::BySeed,
             Some(seeds) if seeds >= 2 && self.ends.len() >= 2 => {
                 let is_exact = seeds >= SEEDS_OF_OWN_VARIANCE || self.ends.len() == 2;
                 if is_exact || kind == Values::Events { Pairing::BySeed } else { Pairing::AdditiveModel }
@@ -141,7 +154,8 @@ impl PointTable {
         let terms = || weights.iter().zip(&means).map(|(weight, mean)| weight * mean);
         let width = |interval: Interval| interval.high - interval.low;
         let rounding = ROUNDING * terms().map(f64::abs).sum::<f64>();
-        let width_ratio = interval.filter(|_| self.pairing(kind) != Pairing::Unpaired).and_then(|paired| {
+        let is_paired = self.pairing(kind) != Pairing::Unpaired && self.runs_per_sample == 0;
+        let width_ratio = interval.filter(|_| is_paired).and_then(|paired| {
             let unpaired = self.interval_by(Pairing::Unpaired, weights, kind).map(width)?;
             (unpaired > rounding).then(|| width(paired) / unpaired)
         });
@@ -159,6 +173,9 @@ impl PointTable {
 
     fn interval_by(&self, pairing: Pairing, weights: &[f64], kind: Values) -> Option<Interval> {
         let interval = match pairing {
+            Pairing::BySeed if self.runs_per_sample > 0 => self.by_sample(weights)?,
+            // Different samples at the points would pass for a difference of the points.
+            _ if self.runs_per_sample > 0 => return None,
             Pairing::BySeed => self.by_seed(weights, kind)?,
             Pairing::AdditiveModel => self.additive_model(weights)?,
             Pairing::Unpaired => self.unpaired(weights, kind)?,
@@ -195,11 +212,27 @@ impl PointTable {
         around(value, half_width)
     }
 
-    fn by_seed(&self, weights: &[f64], kind: Values) -> Option<Interval> {
+    /// The contrast within each seed.
+    fn contrasts(&self, weights: &[f64]) -> Vec<f64> {
         let mut contrasts = vec![0.0; self.seeds.len()];
         for (weight, values) in weights.iter().zip(self.points()) {
             contrasts.iter_mut().zip(values).for_each(|(contrast, value)| *contrast += weight * value);
         }
+        contrasts
+    }
+
+    /// None where no seed differs from another: equal events would look certain.
+    fn by_sample(&self, weights: &[f64]) -> Option<Interval> {
+        let mut groups: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
+        for (seed, contrast) in self.seeds.iter().zip(self.contrasts(weights)) {
+            groups.entry(seed / self.runs_per_sample).or_default().push(contrast);
+        }
+        let (low, high) = Nested::of(&groups.into_values().collect::<Vec<_>>())?.interval;
+        (low < high).then_some(Interval { low, high })
+    }
+
+    fn by_seed(&self, weights: &[f64], kind: Values) -> Option<Interval> {
+        let contrasts = self.contrasts(weights);
         let seeds = contrasts.len() as f64;
         let sample = Sample::of(&contrasts)?;
         let squares = sample.deviation?.powi(2) * (seeds - 1.0);
@@ -257,6 +290,25 @@ fn additional_trials(weights: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn contrasts_of_drawn_parameters_keep_what_is_not_known() {
+        // The difference is 1 with the first sample, 5 with the second and 9 with the third, with ±1 of chance.
+        let mut table = PointTable::default();
+        let seeds: Vec<u64> = (0..6).collect();
+        table.push(&seeds, &[0.0; 6]);
+        table.push(&seeds, &[0.0, 2.0, 4.0, 6.0, 8.0, 10.0]);
+        let table = table.with_samples(2);
+        let interval = table.interval(&[-1.0, 1.0], Values::Numbers).unwrap();
+        // MSB = 32, σ² = 2, τ² = 15; t(2) √(15 + 32/6).
+        let half = 4.302_652_729_9 * (15.0 + 32.0 / 6.0_f64).sqrt();
+        assert!((interval.high - 5.0 - half).abs() < 1e-6, "{interval:?}");
+        assert_eq!(table.contrast(&[-1.0, 1.0], Values::Numbers).width_ratio, None);
+        let mut other = PointTable::default();
+        other.push(&[0, 1], &[0.0, 1.0]);
+        other.push(&[2, 3], &[0.0, 1.0]);
+        assert_eq!(other.with_samples(2).interval(&[-1.0, 1.0], Values::Numbers), None);
+    }
     use crate::welch;
 
     fn table(points: &[&[f64]]) -> PointTable {

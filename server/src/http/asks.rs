@@ -25,6 +25,8 @@ use crate::study::Study;
 const EXPIRES_S: f64 = 86_400.0;
 /// The refusal of points for a finished study.
 const HAS_ANSWER: &str = "the study has its answer: wider ranges or a larger budget continue it";
+/// The refusal of clients that would run a calibration.
+const CALIBRATION: &str = "only the server runs the tests of a calibration";
 /// Decisions that may come between before a request is refused.
 const TRIES: usize = 20;
 
@@ -97,7 +99,7 @@ async fn asked(
             StudyState::Finished => Some(HAS_ANSWER),
             StudyState::Cancelled => return Err(cancelled(id)),
         };
-        if let Some(obstacle) = obstacle {
+        if let Some(obstacle) = obstacle.or(stored.is_calibration().then_some(CALIBRATION)) {
             return Err(ApiError::new(ProblemKind::WrongState, obstacle));
         }
         if let Some(asked) = ask_once(app, &stored, (&ask, request), &faults).await? {
@@ -132,7 +134,7 @@ async fn ask_once(
     let (study, decided, runs) = match work.await? {
         Ok(made) if faults.is_empty() => made,
         // No proposal can be run, and the document is not to blame.
-        Err(found) if has_no_points => {
+        Err(found) if has_no_points && faults.is_empty() => {
             let reason = found.first().map(ToString::to_string).unwrap_or_default();
             pause(app, id, &reason).await?;
             let detail =
@@ -218,6 +220,9 @@ pub(crate) async fn tell(
     let study = stored(&app, id).await?;
     if study.state == StudyState::Cancelled {
         return Err(cancelled(id));
+    }
+    if study.is_calibration() {
+        return Err(ApiError::new(ProblemKind::WrongState, CALIBRATION));
     }
     let (present, handed_out) = (study.present()?, app.store.numbers_handed_out(id).await?);
     let told = run_blocking(move || match Study::stored(present)?.read_outcomes(&tell, &handed_out) {

@@ -1,10 +1,10 @@
 //! Posteriors of calibrations: a submitted document names a study, and gets the samples of its answer as they are at that moment.
 
 use roost_api::ids::SweepId;
-use roost_design::goals::calibrate::TEST;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use super::problem::ApiError;
+use crate::sweep::posterior_columns;
 use crate::document::fault;
 use crate::state::App;
 
@@ -32,35 +32,7 @@ pub(super) async fn fill_in(app: &App, document: &mut Value) -> Result<(), ApiEr
         return refuse("the answer of this study has no samples yet");
     }
     let spec = study.present()?.spec();
-    let factors: Vec<Vec<&str>> = spec
-        .factors
-        .iter()
-        .filter(|factor| factor.name() != TEST)
-        .map(|factor| factor.fields())
-        .collect();
-    draws.extend(columns(&factors, &samples));
+    let factors: Vec<Vec<&str>> = spec.factors.iter().map(|factor| factor.fields()).collect();
+    draws.extend(posterior_columns(&factors, &samples));
     Ok(())
-}
-
-/// Parameters and samples, with a column for each field: linked fields have the same values.
-fn columns(factors: &[Vec<&str>], samples: &[Value]) -> Map<String, Value> {
-    let fields: Vec<&str> = factors.concat();
-    let row = |sample: &Value| -> Vec<Value> {
-        let each = factors.iter().enumerate();
-        each.flat_map(|(index, fields)| fields.iter().map(move |_| sample[index].clone())).collect()
-    };
-    let rows: Vec<Vec<Value>> = samples.iter().map(row).collect();
-    Map::from_iter([("parameters".to_owned(), json!(fields)), ("samples".to_owned(), json!(rows))])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn linked_fields_share_their_column() {
-        let filled = columns(&[vec!["/a/x", "/b/x"], vec!["/c"]], &[json!([1.0, 2.0]), json!([3.0, 4.0])]);
-        assert_eq!(filled["parameters"], json!(["/a/x", "/b/x", "/c"]));
-        assert_eq!(filled["samples"], json!([[1.0, 1.0, 2.0], [3.0, 3.0, 4.0]]));
-    }
 }

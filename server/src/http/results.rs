@@ -7,6 +7,7 @@ use axum::response::{IntoResponse, Response};
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::JobState;
 use roost_api::problem::Problem;
+use roost_api::sweep::SweepView;
 use roost_api::table::{DesignPoint, SweepDifferences, SweepEffects, TrialRow};
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
@@ -149,8 +150,9 @@ pub(crate) async fn effects(
     Segments(id): Segments<SweepId>,
 ) -> Result<Json<SweepEffects>, ApiError> {
     let sweep = view(&app, id).await?;
+    refuse_calibration(&app, &sweep).await?;
     let factors = app.store.factors(id).await?.ok_or(Refusal::NoSweep)?;
-    let mut effects = sweep::Effects::of(factors, sweep::MAX_EFFECTS_BYTES);
+    let mut effects = sweep::Effects::of(factors, sweep::MAX_EFFECTS_BYTES, sweep.runs_per_sample);
     let mut is_complete = false;
     while !is_complete {
         let mut rows = TableRows::of_points(app.clone(), &sweep)?;
@@ -191,6 +193,7 @@ pub(crate) async fn differences(
     Params(query): Params<DifferencesQuery>,
 ) -> Result<Json<SweepDifferences>, ApiError> {
     let sweep = view(&app, id).await?;
+    refuse_calibration(&app, &sweep).await?;
     if query.from == query.to {
         let to = query.to;
         let detail = format!(
@@ -203,10 +206,19 @@ pub(crate) async fn differences(
     let to = trials_of(&app, id, sweep.points, query.to).await?;
     let point =
         |trials: &[TrialRow]| DesignPoint { point: trials[0].point, factors: trials[0].factors.clone() };
-    let points = [point(&from), point(&to)];
-    let (responses, pairing) = run_blocking(move || sweep::differences(&from, &to)).await?;
+    let (points, drawn) = ([point(&from), point(&to)], sweep.runs_per_sample);
+    let (responses, pairing) = run_blocking(move || sweep::differences(&from, &to, drawn)).await?;
     let [from, to] = points;
     Ok(Json(SweepDifferences { sweep, from, to, responses, pairing }))
+}
+
+/// Refuses the sweep of a calibration: its points simulate different tests.
+async fn refuse_calibration(app: &App, sweep: &SweepView) -> Result<(), ApiError> {
+    if !sweep.is_study || !app.store.study(sweep.id).await?.is_some_and(|study| study.is_calibration()) {
+        return Ok(());
+    }
+    let detail = "the runs of a calibration simulate different tests: its answer compares them with the measurements";
+    Err(ApiError::new(ProblemKind::WrongState, detail))
 }
 
 /// The trials of one of `points` design points.

@@ -334,6 +334,11 @@ async fn extend_once(
         let (stored, growth) = extended.await?.map_err(ApiError::faults)?;
         let has_more_replicates = growth.replicates > stored.replicates;
         let firsts = if has_more_replicates { app.store.first_scenarios(id).await? } else { Vec::new() };
+        let checked = run_blocking(move || {
+            sweep::check_samples(&stored, growth.replicates, &firsts)?;
+            Ok((stored, growth, firsts))
+        });
+        let (stored, growth, firsts) = checked.await?.map_err(ApiError::faults)?;
         let token = caller.token.to_string();
         let more =
             run_blocking(move || NewExtension::new(id, (extension, &body), token, &stored, growth, firsts));

@@ -93,6 +93,11 @@ const COLUMNS: &str = "SELECT w.seq, w.submitted_at, s.sweep_id, s.spec, s.quest
     FROM studies s JOIN sweeps w ON w.id = s.sweep_id AND w.state = 'ready'";
 
 impl StoredStudy {
+    /// Whether its goal is `calibrate`.
+    pub(crate) fn is_calibration(&self) -> bool {
+        self.answer.as_ref().is_some_and(|answer| answer.pointer("/finding/calibrate").is_some())
+    }
+
     /// The study as it is now.
     pub(crate) fn present(&self) -> Result<Present, StoreError> {
         Ok(Present {

@@ -3,7 +3,7 @@
 //! A run of a calibration simulates one test with one set of parameters. The name of the test is a factor of the question beside the
 //! parameters, unless there is a single test.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use roost_api::Fault;
 use roost_api::design::Factor;
@@ -22,6 +22,8 @@ use crate::sweep::Points;
 
 /// Place of the measurements in a study.
 const MEASUREMENTS: &str = "/goal/calibrate/measurements";
+/// Maximum number of tests.
+const MAX_TESTS: usize = 32;
 /// Maximum number of points of a curve that are compared: more of the same specimens say little more.
 const MAX_CURVE_POINTS: usize = 8;
 
@@ -52,6 +54,14 @@ pub(super) fn check_members(spec: &StudySpec, lab: &Lab, faults: &mut Vec<Fault>
     if !spec.base.is_null() && Some(&spec.base) != first {
         let detail = "each test of a calibration has a scenario of its own";
         faults.push(fault("/base", json!("a scenario"), detail, "no `base`"));
+    }
+    if lab.tests.len() > MAX_TESTS {
+        let at = format!("{MEASUREMENTS}/tests");
+        faults.push(fault(&at, json!(lab.tests.len()), "too many tests", &format!("at most {MAX_TESTS}")));
+    }
+    if let Some(targets) = spec.goal.pointer("/calibrate/targets") {
+        let detail = "the measurements are the targets";
+        faults.push(fault("/goal/calibrate/targets", targets.clone(), detail, "no `targets`"));
     }
     if !spec.seeded_by.is_empty() {
         let detail = "the runs of a sweep belong to no test";
@@ -147,15 +157,19 @@ pub(super) fn tests(lab: &Lab, factors: &[Factor]) -> Vec<CalibrationTest> {
     let test = |test: &TestTargets| CalibrationTest {
         name: test.name.clone(),
         points: Points::without_rows(&test.base, &test.scenario, factors),
-        curve_points: test
-            .targets
-            .iter()
-            .map(|target| &target.observable)
-            .filter(|observable| matches!(observable, Observable::Point { .. }))
-            .map(|observable| (observable.to_string(), observable.clone()))
-            .collect(),
+        curve_points: compared(test),
     };
     lab.tests.iter().map(test).collect()
+}
+
+/// The points of curves that targets use, by name.
+fn compared(test: &TestTargets) -> BTreeMap<String, Observable> {
+    let used: BTreeSet<String> =
+        targets(test).into_iter().map(|target| target.of.response().to_owned()).collect();
+    let points = test.targets.iter().map(|target| &target.observable);
+    let points = points.filter(|observable| matches!(observable, Observable::Point { .. }));
+    let named = points.map(|observable| (observable.to_string(), observable.clone()));
+    named.filter(|(name, _)| used.contains(name)).collect()
 }
 
 /// The index of the test in the levels of a point of the question, and the values of the parameters.

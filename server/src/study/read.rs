@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use super::{Present, Study, calibration, measures, ranges};
 use crate::document::{fault, read_leniently};
 use crate::measurements::Lab;
-use crate::sweep::{self, Expansion, Points, SweepLimits};
+use crate::sweep::{self, Expansion, Points, Posterior, SweepLimits};
 
 /// Number of combinations of ends and levels up to which all of them are checked.
 const ALL_CORNERS: usize = 64;
@@ -84,6 +84,13 @@ pub(crate) fn read(
     // The parameters must suit the other tests as well.
     let others = lab.iter().flat_map(|lab| lab.tests.iter().skip(1));
     others.for_each(|test| drop(read_corners(&test.base)));
+    if let (Some(posterior), Ok((_, expansion))) = (spec.posterior.as_ref().and_then(Posterior::of), &expansion) {
+        // A run draws any of the samples.
+        for corner in expansion.points.iter() {
+            let all = posterior.check(&corner.scenario, 0..posterior.len(), (meshes, &limits.scenario));
+            faults.extend(all.err().into_iter().flatten());
+        }
+    }
     match (question, expansion) {
         (Some(question), Ok((_, expansion))) if faults.is_empty() => {
             let points = expansion.points.clone();

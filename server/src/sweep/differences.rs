@@ -4,10 +4,15 @@ use roost_api::table::{PairingGain, ResponseDifference, TrialRow};
 
 use super::replicates::{Replicates, ends, gain};
 
-/// The difference of every response that both points have, second less first, and what pairing did to their intervals.
-pub(crate) fn differences(from: &[TrialRow], to: &[TrialRow]) -> (Vec<ResponseDifference>, PairingGain) {
+/// The difference of every response that both points have, second less first, and what pairing did to their intervals. `runs_per_sample` are
+/// the replicates in a row that have the same parameters, if these come from a posterior.
+pub(crate) fn differences(
+    from: &[TrialRow],
+    to: &[TrialRow],
+    runs_per_sample: Option<u32>,
+) -> (Vec<ResponseDifference>, PairingGain) {
     // Two points are few enough for one pass.
-    let mut replicates = Replicates::new(usize::MAX);
+    let mut replicates = Replicates::new(usize::MAX, runs_per_sample);
     replicates.add(from);
     replicates.add(to);
     let both = replicates.finish_pass().0.filter(|response| response.points.len() == 2);

@@ -58,9 +58,10 @@ impl Levels {
 
 impl Effects {
     /// Without points. The values of one pass take at most `max_bytes`, or those of one response.
-    pub(crate) fn of(factors: Vec<Factor>, max_bytes: usize) -> Self {
+    pub(crate) fn of(factors: Vec<Factor>, max_bytes: usize, runs_per_sample: Option<u32>) -> Self {
         let levels = factors.iter().map(|_| Levels::default()).collect();
-        Self { factors, levels, replicates: Replicates::new(max_bytes), found: Vec::new() }
+        let replicates = Replicates::new(max_bytes, runs_per_sample);
+        Self { factors, levels, replicates, found: Vec::new() }
     }
 
     /// Adds points with their trials, which are sorted by point and replicate.
@@ -75,7 +76,7 @@ impl Effects {
 
     /// Evaluates the responses of this pass. If it returns false, all points must be added once more.
     pub(crate) fn finish_pass(&mut self) -> bool {
-        let replicates = std::mem::replace(&mut self.replicates, Replicates::new(0));
+        let replicates = std::mem::replace(&mut self.replicates, Replicates::new(0, None));
         let (responses, next) = replicates.finish_pass();
         let found: Vec<_> = responses.map(|response| self.response(response)).collect();
         self.found.extend(found);

@@ -35,7 +35,14 @@ pub(crate) fn expand(
     }
     if let Some(draws) = &spec.posterior {
         let varied: Vec<&str> = spec.factors.iter().flat_map(|factor| factor.fields()).collect();
-        faults.extend(posterior::faults(draws, complete.as_ref(), &varied));
+        let found = posterior::faults(draws, complete.as_ref(), &varied);
+        let posterior = Posterior::of(draws).filter(|_| found.is_empty());
+        faults.extend(found);
+        if let (Some(posterior), Some(base)) = (posterior, &base) {
+            faults.extend(posterior::too_many("/replicates", spec.replicates, &posterior, spec.replicates));
+            let all = posterior.check(base, 0..posterior.len(), (meshes, &limits.scenario));
+            faults.extend(all.err().into_iter().flatten());
+        }
     }
     if !faults.is_empty() {
         levels::check(&spec.factors, &mut faults);

@@ -14,7 +14,7 @@ use super::designs::PlannedFactor;
 use super::levels::position;
 use super::plan;
 use super::points::{Points, RowSource};
-use super::posterior::Posterior;
+use super::posterior::{self, Posterior};
 use super::{SweepLimits, expand};
 use crate::document::{fault, read_leniently};
 
@@ -70,6 +70,10 @@ pub(crate) fn extend(
     let levels = extension.levels.iter().flat_map(BTreeMap::values).map(Vec::len).sum::<usize>() as u64;
     let asked = u64::from(extension.points.unwrap_or(0)) + levels;
     check_jobs(stored, Some(asked), replicates, limits, &mut faults);
+    let posterior = stored.spec.posterior.as_ref().and_then(Posterior::of);
+    if let Some(posterior) = &posterior {
+        faults.extend(posterior::too_many(at, extension.replicates.unwrap_or(0), posterior, replicates));
+    }
     if !faults.is_empty() {
         return Err(faults);
     }
@@ -83,9 +87,24 @@ pub(crate) fn extend(
     let rows = added.rows.collect();
     let placed = |row: usize, factor: usize, value: &Value| place(&extension, &factors, row, factor, value);
     let points = Points::new(&stored.spec.base, &base, factors.clone(), RowSource::Rows(rows))
-        .with_posterior(stored.spec.posterior.as_ref().and_then(Posterior::of));
+        .with_posterior(posterior);
     points.check((meshes, &limits.scenario), (stored.points.len(), replicates), "", &placed)?;
     Ok(AddedPoints { points, replicates })
+}
+
+/// Checks the samples that further replicates of existing points draw from a posterior. `firsts` are the scenarios of their first replicates.
+pub(crate) fn check_samples(
+    stored: &StoredSweep,
+    replicates: u32,
+    firsts: &[(u32, Scenario)],
+) -> Result<(), Vec<Fault>> {
+    let Some(posterior) = stored.spec.posterior.as_ref().and_then(Posterior::of) else { return Ok(()) };
+    for index in posterior.used(stored.replicates)..posterior.used(replicates) {
+        for (_, first) in firsts {
+            posterior.applied(first, index)?;
+        }
+    }
+    Ok(())
 }
 
 /// Checks the number of points that are added; `None` is past 2⁶⁴.

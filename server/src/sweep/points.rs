@@ -168,7 +168,9 @@ impl Points {
     ) -> Result<f64, Vec<Fault>> {
         let check = |row: &Row| {
             let Point { levels, scenario } = self.point(row)?;
-            let drawn = self.posterior.as_ref().map_or(Ok(()), |samples| samples.check(&scenario, replicates));
+            let drawn = self.posterior.as_ref().map_or(Ok(()), |samples| {
+                samples.check(&scenario, 0..samples.used(replicates), (meshes, limits))
+            });
             drawn
                 .and_then(|()| mesh::check(&scenario, meshes, limits))
                 .map(|estimate| estimate.wall_s)

@@ -5,11 +5,14 @@
 
 use roost_api::Fault;
 use roost_api::sweep::PosteriorDraws;
+use roost_solver::Limits;
+use roost_solver::mesh::Meshes;
 use roost_solver::scenario::{self, Scenario, fields};
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use super::pointer;
-use crate::document::{fault, prefixed};
+use crate::document::fault;
+use crate::mesh;
 
 /// Replicates in a row with the same sample, unless given.
 const RUNS_PER_SAMPLE: u32 = 2;
@@ -52,7 +55,7 @@ impl Posterior {
     }
 
     /// Number of different samples among the first replicates.
-    pub(super) fn used(&self, replicates: u32) -> usize {
+    pub(crate) fn used(&self, replicates: u32) -> usize {
         (replicates.div_ceil(self.runs_per_sample) as usize).min(self.samples.len())
     }
 
@@ -66,14 +69,48 @@ impl Posterior {
         scenario::from_value(&document)
     }
 
-    /// Checks the first samples with a scenario.
-    pub(super) fn check(&self, scenario: &Scenario, replicates: u32) -> Result<(), Vec<Fault>> {
-        for index in 0..self.used(replicates) {
-            self.applied(scenario, index)
-                .map_err(|faults| prefixed(&format!("/posterior/samples/{index}"), faults))?;
+    /// Checks some samples with a scenario, as meshes and limits allow it.
+    pub(crate) fn check(
+        &self,
+        scenario: &Scenario,
+        samples: std::ops::Range<usize>,
+        (meshes, limits): (&Meshes, &Limits),
+    ) -> Result<(), Vec<Fault>> {
+        for index in samples.start..samples.end.min(self.samples.len()) {
+            let drawn = self.applied(scenario, index);
+            let checked = drawn.and_then(|drawn| mesh::check(&drawn, meshes, limits).map(drop));
+            checked.map_err(|faults| vec![self.fault_of_sample(index, faults)])?;
         }
         Ok(())
     }
+
+    /// The first fault of a scenario as one of the sample that it has.
+    fn fault_of_sample(&self, index: usize, faults: Vec<Fault>) -> Fault {
+        let found = faults.into_iter().next();
+        let (reason, allowed) = found
+            .map(|fault| (format!("{}: {}", fault.pointer, fault.detail), fault.allowed.unwrap_or_default()))
+            .unwrap_or_default();
+        fault(&format!("/posterior/samples/{index}"), json!(self.samples[index]), &reason, &allowed)
+    }
+
+    /// Number of samples.
+    pub(crate) fn len(&self) -> usize {
+        self.samples.len()
+    }
+
+    /// Number of replicates that have samples of their own.
+    pub(super) fn max_replicates(&self) -> u32 {
+        u32::try_from(self.samples.len()).unwrap_or(u32::MAX).saturating_mul(self.runs_per_sample)
+    }
+}
+
+/// The fault of more replicates than there are samples for.
+pub(super) fn too_many(at: &str, asked: u32, posterior: &Posterior, replicates: u32) -> Option<Fault> {
+    let most = posterior.max_replicates();
+    (replicates > most).then(|| {
+        let detail = "further replicates would repeat the samples of the posterior";
+        fault(at, json!(asked), detail, &format!("at most {most} replicates, or more samples"))
+    })
 }
 
 /// Lists the faults of samples. `varied` are the fields of the factors.
@@ -122,4 +159,28 @@ pub(super) fn faults(draws: &PosteriorDraws, complete: Option<&Value>, varied: &
         faults.push(fault(&at, json!(sample), "another number of values", &allowed));
     }
     faults
+}
+
+/// The members `parameters` and `samples` of a document, from the fields of each parameter and the samples of an answer. Linked fields have
+/// the same values.
+pub fn posterior_columns(factors: &[Vec<&str>], samples: &[Value]) -> Map<String, Value> {
+    let fields: Vec<&str> = factors.concat();
+    let row = |sample: &Value| -> Vec<Value> {
+        let each = factors.iter().enumerate();
+        each.flat_map(|(index, fields)| fields.iter().map(move |_| sample[index].clone())).collect()
+    };
+    let rows: Vec<Vec<Value>> = samples.iter().map(row).collect();
+    Map::from_iter([("parameters".to_owned(), json!(fields)), ("samples".to_owned(), json!(rows))])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn linked_fields_share_their_column() {
+        let filled = posterior_columns(&[vec!["/a/x", "/b/x"], vec!["/c"]], &[json!([1.0, 2.0]), json!([3.0, 4.0])]);
+        assert_eq!(filled["parameters"], json!(["/a/x", "/b/x", "/c"]));
+        assert_eq!(filled["samples"], json!([[1.0, 1.0, 2.0], [3.0, 3.0, 4.0]]));
+    }
 }

@@ -12,6 +12,8 @@ use super::summary::word;
 /// Responses of design points. Points of a large sweep are added in batches, and its trials are read in several passes: a pass holds the
 /// first responses by name that fit, and the next pass the following ones.
 pub(super) struct Replicates {
+    /// Replicates in a row that have the same parameters, if these come from a posterior.
+    runs_per_sample: Option<u32>,
     max_bytes: usize,
     bytes: usize,
     points: u32,
@@ -52,8 +54,8 @@ pub(super) struct Response {
 
 impl Replicates {
     /// Holds as many responses as fit into this memory, and at least one.
-    pub(super) fn new(max_bytes: usize) -> Self {
-        Self { max_bytes, bytes: 0, points: 0, columns: BTreeMap::new(), after: None, before: None }
+    pub(super) fn new(max_bytes: usize, runs_per_sample: Option<u32>) -> Self {
+        Self { runs_per_sample, max_bytes, bytes: 0, points: 0, columns: BTreeMap::new(), after: None, before: None }
     }
 
     /// Adds points with their succeeded trials, which are sorted by point and replicate.
@@ -88,7 +90,8 @@ impl Replicates {
                 } else {
                     continue;
                 };
-                seeds.push(trial.seed);
+                // Samples go by number.
+                seeds.push(self.runs_per_sample.map_or(trial.seed, |_| u64::from(trial.replicate)));
                 values.push(number);
             }
         }
@@ -114,14 +117,19 @@ impl Replicates {
     /// The responses of this pass by name, one after the other, and the next pass if there are more.
     pub(super) fn finish_pass(self) -> (impl Iterator<Item = Response>, Option<Self>) {
         let last = self.columns.last_key_value().map(|(name, _)| name.clone());
-        let next = self.before.map(|_| Self { after: last, ..Self::new(self.max_bytes) });
-        (self.columns.into_iter().flat_map(|(name, column)| column.responses(name)), next)
+        let runs = self.runs_per_sample;
+        let next = self.before.map(|_| Self { after: last, ..Self::new(self.max_bytes, runs) });
+        (self.columns.into_iter().flat_map(move |(name, column)| column.responses(name, runs)), next)
     }
 }
 
 impl Column {
-    fn responses(self, name: String) -> impl Iterator<Item = Response> {
-        let Self { numbers, vocabulary, words } = self;
+    fn responses(self, name: String, runs_per_sample: Option<u32>) -> impl Iterator<Item = Response> {
+        let Self { mut numbers, vocabulary, mut words } = self;
+        if let Some(runs) = runs_per_sample {
+            numbers.table = numbers.table.with_samples(runs);
+            words.table = words.table.with_samples(runs);
+        }
         let kind = if is_indicator(&name) { Values::Events } else { Values::Numbers };
         let of_words = name.clone();
         let numbers = (!numbers.points.is_empty()).then_some(Response {
@@ -229,7 +237,7 @@ mod tests {
             (750, vec![vec!["a", "b"], vec!["c=word", "d"]]),
             (1, vec![vec!["a"], vec!["b"], vec!["c=word"], vec!["d"]]),
         ] {
-            let mut pass = Some(Replicates::new(max_bytes));
+            let mut pass = Some(Replicates::new(max_bytes, None));
             let mut found = Vec::new();
             while let Some(mut replicates) = pass {
                 for index in 0..10 {

@@ -52,9 +52,14 @@ fn add_input(name: &str, summary: &mut Summary, trials: &[TrialRow], runs_per_sa
     let Some(Nested { input_deviation, chance_deviation, interval: (low, high), .. }) = Nested::of(&groups) else {
         return;
     };
-    (summary.input_deviation, summary.chance_deviation) = (Some(input_deviation), Some(chance_deviation));
-    let (least, most) = if is_indicator(name) { (0.0, 1.0) } else { (f64::NEG_INFINITY, f64::INFINITY) };
-    (summary.low_95, summary.high_95) = (Some(low.max(least)), Some(high.min(most)));
+    (summary.input_deviation, summary.chance_deviation) = (Some(input_deviation), chance_deviation);
+    if is_indicator(name) {
+        // Equal answers of yes or no would look certain: the interval is at least that of the share.
+        summary.low_95 = summary.low_95.map(|share| share.min(low.max(0.0)));
+        summary.high_95 = summary.high_95.map(|share| share.max(high.min(1.0)));
+    } else {
+        (summary.low_95, summary.high_95) = (Some(low), Some(high));
+    }
 }
 
 /// The mean of numbers; the counts and the shares of words. The mean of an indicator is a share. Null is no value.

@@ -34,6 +34,7 @@ mod start_stop;
 mod stl;
 mod studies;
 mod studies_asks;
+mod studies_calibrations;
 mod studies_outcomes;
 mod studies_ranges;
 mod studies_seeding;

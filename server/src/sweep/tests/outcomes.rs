@@ -104,7 +104,7 @@ fn mean_of_an_indicator_is_a_share_with_its_interval() {
 fn effects(factors: &[Factor], trials: &[TrialRow], batch: usize) -> (Vec<ResponseEffects>, PairingGain) {
     let points: Vec<_> = trials.chunk_by(|one, other| one.point == other.point).collect();
     let [(passes, found), (more_passes, same)] = [MAX_EFFECTS_BYTES, 1].map(|max_bytes| {
-        let (mut effects, mut passes) = (Effects::of(factors.to_vec(), max_bytes), 0);
+        let (mut effects, mut passes) = (Effects::of(factors.to_vec(), max_bytes, None), 0);
         let mut is_complete = false;
         while !is_complete {
             points.chunks(batch).for_each(|batch| effects.add(&batch.concat()));
@@ -206,7 +206,7 @@ fn differences_of_two_points_match_scipy() {
     let data = &scipy()["contrasts"];
     let trials = contrast_trials(6);
     let points: Vec<_> = trials.chunk_by(|one, other| one.point == other.point).collect();
-    let (found, gain) = differences(points[1], points[3]);
+    let (found, gain) = differences(points[1], points[3], None);
     let names: Vec<_> = found.iter().map(|of| of.response.as_str()).collect();
     assert_eq!(names, ["jammed", "y"]);
     let y = &found[1];
@@ -219,12 +219,12 @@ fn differences_of_two_points_match_scipy() {
     assert_eq!((found[0].from_mean, found[0].to_mean), (2.0 / 6.0, 4.0 / 6.0));
     assert_eq!(gain.intervals, 2);
     // Other seeds are unpaired, a single trial has no interval, and a response of one point has no difference.
-    let (found, _) = differences(points[1], &points[3][..5]);
+    let (found, _) = differences(points[1], &points[3][..5], None);
     assert_eq!((found[1].pairing, found[1].to_n), (Pairing::Unpaired, 5));
-    let (found, _) = differences(&points[1][..1], &points[3][..1]);
+    let (found, _) = differences(&points[1][..1], &points[3][..1], None);
     assert_eq!((found[1].pairing, found[1].low_95), (Pairing::Unpaired, None));
     let none = [trial(9, 0, json!({}), json!({"other": 1.0, "regime": "constant"}))];
-    assert!(differences(points[1], &none).0.is_empty());
+    assert!(differences(points[1], &none, None).0.is_empty());
 }
 
 #[test]

@@ -9,7 +9,7 @@ const FRICTION: &str = "/contact/fillet_fillet/static_friction";
 
 fn drawing(posterior: Value) -> SweepSpec {
     let mut document = json!(spec(json!([{"pointer": GATE, "levels": [0.05, 0.06]}])));
-    document["replicates"] = json!(5);
+    document["replicates"] = json!(4);
     document["posterior"] = posterior;
     serde_json::from_value(document).unwrap()
 }
@@ -19,12 +19,11 @@ fn replicates_share_samples_at_all_points() {
     let posterior = json!({"parameters": [FRICTION], "samples": [[0.1], [0.2]], "runs_per_sample": 2});
     let expansion = expand(&drawing(posterior), &Meshes::default(), LIMITS).unwrap();
     let drawn = |point: u32| -> Vec<(f64, u64)> {
-        let trials = expansion.points.trials(0, 5).filter(|trial| trial.point == point);
+        let trials = expansion.points.trials(0, 4).filter(|trial| trial.point == point);
         let value = |scenario: &Scenario| json!(scenario).pointer(FRICTION).unwrap().as_f64().unwrap();
         trials.map(|trial| (value(&trial.scenario), trial.scenario.seed)).collect()
     };
-    // Of two samples, the fifth replicate has the first again.
-    assert_eq!(drawn(0), [(0.1, 1), (0.1, 2), (0.2, 3), (0.2, 4), (0.1, 5)]);
+    assert_eq!(drawn(0), [(0.1, 1), (0.1, 2), (0.2, 3), (0.2, 4)]);
     assert_eq!(drawn(0), drawn(1));
 }
 
@@ -37,7 +36,9 @@ fn samples_that_cannot_be_used_are_named() {
         (json!({"parameters": [GATE], "samples": [[0.1]]}), "/posterior/parameters/0"),
         (json!({"parameters": ["/contact/condition"], "samples": [[0.1]]}), "/posterior/parameters/0"),
         (json!({"parameters": [FRICTION, FRICTION], "samples": [[0.1, 0.1]]}), "/posterior/parameters/1"),
-        (json!({"parameters": [FRICTION], "samples": [[0.1], [-3.0]]}), "/posterior/samples/1/contact"),
+        (json!({"parameters": [FRICTION], "samples": [[0.1], [0.2], [-3.0]]}), "/posterior/samples/2"),
+        (json!({"parameters": ["/product/subparticle_radius_m"], "samples": [[0.0005], [0.008]]}), "/posterior/samples/0"),
+        (json!({"parameters": [FRICTION], "samples": [[0.1]]}), "/replicates"),
         (json!({"parameters": [FRICTION], "samples": [[0.1]], "runs_per_sample": 0}), "/posterior/runs_per_sample"),
     ];
     for (posterior, expected) in cases {
@@ -64,4 +65,34 @@ fn intervals_include_what_is_not_known_of_parameters() {
     let table = of_points(&[], &[response], &by_point(&trials, Some(2)), true);
     let table = String::from_utf8(csv(&table, true).unwrap()).unwrap();
     assert!(table.lines().next().unwrap().ends_with("y.high_95,y.input_deviation,y.chance_deviation"), "{table}");
+}
+
+#[test]
+fn extension_draws_no_sample_twice_and_no_faulty_one() {
+    let posterior = json!({"parameters": [FRICTION], "samples": [[0.1], [0.2], [0.3]]});
+    let spec = drawing(posterior);
+    let expansion = expand(&spec, &Meshes::default(), LIMITS).unwrap();
+    let levels = expansion.points.iter().map(|point| point.levels).collect();
+    let mut stored = StoredSweep { spec, points: levels, replicates: 4 };
+    let more = |stored: &StoredSweep, replicates: u32| {
+        extend(stored, json!({"replicates": replicates}), &Meshes::default(), LIMITS).map(|added| added.replicates)
+    };
+    assert_eq!(more(&stored, 2), Ok(6));
+    assert_eq!(more(&stored, 3).unwrap_err()[0].pointer, "/replicates");
+    // A sweep from before the samples were checked.
+    let first = expansion.points.trials(0, 4).next().unwrap();
+    let firsts = [(first.point, first.scenario)];
+    assert_eq!(check_samples(&stored, 6, &firsts), Ok(()));
+    stored.spec.posterior.as_mut().unwrap().samples = Some(vec![vec![0.1], vec![0.2], vec![-3.0]]);
+    assert!(check_samples(&stored, 6, &firsts).is_err());
+    assert_eq!(check_samples(&stored, 4, &firsts), Ok(()));
+}
+
+#[test]
+fn equal_answers_of_yes_or_no_keep_the_interval_of_their_share() {
+    let trials: Vec<_> = (0..20).map(|replicate| trial(0, replicate, json!({}), json!({"jammed": 0}))).collect();
+    let plain = by_point(&trials, None)[0].responses["jammed"].clone();
+    let drawn = by_point(&trials, Some(2))[0].responses["jammed"].clone();
+    assert_eq!((drawn.low_95, drawn.high_95), (plain.low_95, plain.high_95));
+    assert!(drawn.high_95.unwrap() > 0.1);
 }
