@@ -15,6 +15,7 @@ use roost_stats::Sample;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, StudentsT};
 
+use crate::intervals::{skewness, without_skewness};
 use crate::question::Measure;
 
 /// One-sided bounds of a measure at a look.
@@ -56,18 +57,6 @@ impl Bounds {
         };
         Some(Self { n: sample.n, lost, value: sample.mean, low, high })
     }
-}
-
-/// Skewness of three values or more that are not all equal, corrected for their number.
-fn skewness(values: &[f64], mean: f64) -> f64 {
-    let n = values.len() as f64;
-    let moment = |power| values.iter().map(|value| (value - mean).powi(power)).sum::<f64>() / n;
-    moment(3) / moment(2).powf(1.5) * (n * (n - 1.0)).sqrt() / (n - 2.0)
-}
-
-/// h(y, γ), with a in place of γ.
-fn without_skewness(y: f64, a: f64) -> f64 {
-    if a.abs() < 1e-6 { y } else { 3.0 / a * ((1.0 + a * (y - a / 6.0)).cbrt() - 1.0) }
 }
 
 /// The upper bound of a probability: `count` events or fewer of `n` then have the probability `tail`.

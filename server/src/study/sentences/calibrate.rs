@@ -114,10 +114,10 @@ fn agreement(targets: &[TargetAgreement]) -> Vec<String> {
     }
     let agreeing = targets.len() - contradicted.len() - missing.len();
     if agreeing > 0 && contradicted.is_empty() {
-        let numbers = if agreeing == 1 { "measured number" } else { "measured numbers" };
-        sentences.push(format!(
-            "The simulation agrees with {agreeing} {numbers} to within 3 standard deviations."
-        ));
+        sentences.push(match agreeing {
+            1 => "The measured number does not contradict the simulation.".to_owned(),
+            _ => format!("None of {agreeing} measured numbers contradicts the simulation."),
+        });
     }
     sentences
 }
