@@ -89,7 +89,8 @@ export function labelOf(name, unit) {
  */
 export function factorLabel(pointer, pointers = [pointer]) {
   const parts = (/** @type {string} */ text) => text.split("/").slice(1);
-  const last = parts(pointer).at(-1) ?? "";
+  // The factor of a calibration's tests is no field.
+  const last = parts(pointer).at(-1) ?? pointer;
   const is_shared = pointers.some((other) => other !== pointer && parts(other).at(-1) === last);
   const label = labelOf(last, unitOf(pointer));
   return is_shared ? `${parts(pointer).at(-2)?.replaceAll("_", " ")}: ${label}` : label;
