@@ -83,7 +83,8 @@ pub(crate) fn insert_posterior(folder: &Path, document: &mut Value) -> Option<Fa
     let found = read.and_then(|answer| {
         let finding = answer.pointer("/answer/finding/calibrate");
         let finding = finding.ok_or_else(|| format!("{name} is no answer of a calibration"))?;
-        let factors: Vec<Factor> = serde_json::from_value(answer["factors"].clone()).map_err(|error| error.to_string())?;
+        let factors: Vec<Factor> =
+            serde_json::from_value(answer["factors"].clone()).map_err(|error| error.to_string())?;
         let fields: Vec<Vec<&str>> = factors.iter().map(|factor| factor.fields()).collect();
         let samples = finding["samples"].as_array().cloned().unwrap_or_default();
         Ok(roost_server::posterior_columns(&fields, &samples))
@@ -94,7 +95,8 @@ pub(crate) fn insert_posterior(folder: &Path, document: &mut Value) -> Option<Fa
             None
         }
         Err(detail) => {
-            let allowed = "the path of the answer.json of a calibration, relative to the folder of this document";
+            let allowed =
+                "the path of the answer.json of a calibration, relative to the folder of this document";
             Some(Fault::new("/posterior/file", &file, detail, Some(allowed.to_owned())))
         }
     }

@@ -33,13 +33,14 @@ fn calibration(measurements: Value) -> Value {
 fn measurements_become_parameters_that_a_sweep_draws() {
     let sandbox = Sandbox::new();
     let _server = sandbox.start_server();
-    let _worker = sandbox.start_worker_with("worker", &["--threads", "2"]);
-    std::fs::write(sandbox.path("block.csv"), "x,mean,deviation,n\n0.01,0.1,0.01,3\n0.03,0.35,0.03,3\n").unwrap();
+    let _worker = sandbox.start_worker("worker");
+    std::fs::write(sandbox.path("block.csv"), "x,mean,deviation,n\n0.01,0.1,0.01,3\n0.03,0.35,0.03,3\n")
+        .unwrap();
     sandbox.file("lab.json", &measurements());
     let file = sandbox.file("calibration.json", &calibration(json!("lab.json")));
-    let study = sandbox.json_output(&["study", "submit", &file, "--wait", "--json"]);
+    let study = sandbox.json_output(&["study", "submit", &file, "--wait"]);
     let id = study["id"].as_str().unwrap();
-    let answer = sandbox.json_output(&["study", "answer", id]);
+    let answer = sandbox.get(&format!("/v1/studies/{id}/answer"));
     let finding = &answer["answer"]["finding"]["calibrate"];
     let friction = &finding["parameters"][0]["estimate"];
     let end = |name: &str| friction[name].as_f64().unwrap();
@@ -56,11 +57,14 @@ fn measurements_become_parameters_that_a_sweep_draws() {
     let sweep = json!({"name": "with uncertainty", "base": scenario("slide"), "design": {"kind": "grid"}, "factors": [],
                        "replicates": 16, "posterior": {"study": id}});
     let file = sandbox.file("sweep.json", &sweep);
-    let done = sandbox.json_output(&["submit", &file, "--wait", "--json"]);
+    let done = sandbox.json_output(&["submit", &file, "--wait"]);
     let id = done["id"].as_str().unwrap();
     let row = sandbox.get(&format!("/v1/sweeps/{id}/results?by=point"))["points"][0]["responses"]["critical_angle_deg"].clone();
     let number = |name: &str| row[name].as_f64().unwrap_or_else(|| panic!("{name}: {row:#}"));
-    assert!(number("input_deviation") > 0.2 && number("chance_deviation") < 0.3 * number("input_deviation"), "{row:#}");
+    assert!(
+        number("input_deviation") > 0.2 && number("chance_deviation") < 0.3 * number("input_deviation"),
+        "{row:#}"
+    );
     assert!(number("high_95") - number("low_95") > 3.0 * number("input_deviation"), "{row:#}");
     let table = stdout(&sandbox.roost(&["results", id, "--by", "point", "--format", "csv"]));
     assert!(table.lines().next().unwrap().contains("critical_angle_deg.input_deviation"), "{table}");

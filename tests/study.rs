@@ -259,7 +259,8 @@ fn small_examples() -> Vec<(String, &'static str, Value)> {
         (file.file_stem().unwrap().to_str().unwrap().to_owned(), goal, asked)
     };
     let is_small = |file: &PathBuf| {
-        file.extension().is_some_and(|extension| extension == "json") && !file.ends_with("paper-calibration.json")
+        file.extension().is_some_and(|extension| extension == "json")
+            && !file.ends_with("paper-calibration.json")
     };
     files.filter(is_small).map(small).collect()
 }

@@ -107,7 +107,8 @@ fn mean_distances(sample: &Sample, skewness: f64) -> Option<(f64, f64)> {
     let root = (sample.n as f64).sqrt();
     let unit = sample.deviation? / root;
     let doubt = DOUBT * 6.0_f64.sqrt() / root;
-    let distance = |skewness: f64| half.max(-unit * without_skewness(-half / unit, (skewness + doubt) / root));
+    let distance =
+        |skewness: f64| half.max(-unit * without_skewness(-half / unit, (skewness + doubt) / root));
     Some((distance(-skewness), distance(skewness)))
 }
 

@@ -36,9 +36,11 @@ impl Nested {
         if k < 2.0 {
             return None;
         }
-        let means: Vec<f64> = groups.iter().map(|group| group.iter().sum::<f64>() / group.len() as f64).collect();
+        let means: Vec<f64> =
+            groups.iter().map(|group| group.iter().sum::<f64>() / group.len() as f64).collect();
         let mean = groups.iter().flat_map(|group| group.iter()).sum::<f64>() / n;
-        let within = |(group, mean): (&&Vec<f64>, &f64)| group.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
+        let within =
+            |(group, mean): (&&Vec<f64>, &f64)| group.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
         let chance = groups.iter().zip(&means).map(within).sum::<f64>() / (n - k).max(1.0);
         let squares = means.iter().zip(&counts).map(|(group, count)| count * (group - mean).powi(2));
         let between = squares.sum::<f64>() / (k - 1.0);

@@ -111,7 +111,11 @@ impl Model {
 
     /// As [`Model::fit`], for means that may depend on nothing but the factors: where replicates are equal, so is the noise presumed to be
     /// almost none.
-    pub(crate) fn fit_simulation(factors: &[Factor], measure: &Measure, evidence: &[PointRuns]) -> Option<Self> {
+    pub(crate) fn fit_simulation(
+        factors: &[Factor],
+        measure: &Measure,
+        evidence: &[PointRuns],
+    ) -> Option<Self> {
         let data = Data::of(measure, evidence);
         let replicated = || data.values.iter().filter(|values| values.len() > 1);
         let is_exact = |values: &Vec<f64>| values.iter().all(|value| *value == values[0]);

@@ -4,9 +4,9 @@ use roost_api::ids::SweepId;
 use serde_json::{Value, json};
 
 use super::problem::ApiError;
-use crate::sweep::posterior_columns;
 use crate::document::fault;
 use crate::state::App;
+use crate::sweep::posterior_columns;
 
 /// Fills in the samples of the study that `posterior` names. Other documents, and other forms of it, stay as they are.
 ///

@@ -217,7 +217,8 @@ async fn refuse_calibration(app: &App, sweep: &SweepView) -> Result<(), ApiError
     if !sweep.is_study || !app.store.study(sweep.id).await?.is_some_and(|study| study.is_calibration()) {
         return Ok(());
     }
-    let detail = "the runs of a calibration simulate different tests: its answer compares them with the measurements";
+    let detail =
+        "the runs of a calibration simulate different tests: its answer compares them with the measurements";
     Err(ApiError::new(ProblemKind::WrongState, detail))
 }
 

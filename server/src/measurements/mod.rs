@@ -81,10 +81,7 @@ pub fn read(document: Value, meshes: &Meshes, limits: &Limits) -> Result<Lab, Ve
 }
 
 /// Reads measurements; their scenarios are checked with meshes and limits, if these are given.
-pub(crate) fn read_with(
-    document: Value,
-    check: Option<(&Meshes, &Limits)>,
-) -> Result<Lab, Vec<Fault>> {
+pub(crate) fn read_with(document: Value, check: Option<(&Meshes, &Limits)>) -> Result<Lab, Vec<Fault>> {
     let (measurements, listed) = read_leniently::<Measurements>(document);
     let Some(measurements) = measurements else { return Err(listed) };
     let mut faults = Vec::new();

@@ -23,9 +23,9 @@ use super::deletion::change_listings;
 pub(crate) use super::job_rows::NewJob;
 use super::job_rows::{JobBatches, JobOptions, JobRow, QueueStart, insert_jobs, insert_points, queue_start};
 use super::{Store, StoreError};
-use crate::sweep::{Expansion, Posterior};
 #[cfg(test)]
 use crate::sweep::Trial;
+use crate::sweep::{Expansion, Posterior};
 
 /// A sweep about to be stored.
 pub(crate) struct NewSweep {

@@ -12,7 +12,8 @@ use super::jobs::push_label;
 use super::{Store, StoreError};
 
 /// Without the specification, which may be long, and without sweeps that are being submitted or deleted.
-const VIEW: &str = "SELECT seq, id, name, design, points, replicates, runs_per_sample, factors, labels, submitted_at,
+const VIEW: &str =
+    "SELECT seq, id, name, design, points, replicates, runs_per_sample, factors, labels, submitted_at,
     EXISTS (SELECT 1 FROM studies WHERE sweep_id = sweeps.id) AS is_study FROM sweeps WHERE state = 'ready'";
 
 /// Jobs of each sweep by state; a covering index serves it.

@@ -69,7 +69,12 @@ pub(super) fn check_members(spec: &StudySpec, lab: &Lab, faults: &mut Vec<Fault>
     }
     if spec.posterior.is_some() {
         let detail = "a calibration finds a posterior, and draws from none";
-        faults.push(fault("/posterior", Value::Null, detail, "no `posterior`; `priors` say what is known before"));
+        faults.push(fault(
+            "/posterior",
+            Value::Null,
+            detail,
+            "no `posterior`; `priors` say what is known before",
+        ));
     }
     if spec.driver == Driver::Client {
         let detail = "only the server runs the tests of a calibration";

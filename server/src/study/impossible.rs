@@ -46,9 +46,7 @@ impl Study {
         points: impl IntoIterator<Item = &'a Point>,
     ) -> BTreeMap<Point, Vec<Fault>> {
         let points: BTreeSet<&Point> = points.into_iter().collect();
-        let refused = points.into_iter().filter_map(|point| {
-            Some((point.clone(), self.made(point).err()?))
-        });
+        let refused = points.into_iter().filter_map(|point| Some((point.clone(), self.made(point).err()?)));
         refused.collect()
     }
 

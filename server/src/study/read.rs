@@ -54,7 +54,8 @@ pub(crate) fn read(
             &allowed,
         ));
     }
-    let question = question(&spec, lab.as_ref(), spec.budget.max_runs).map_err(|found| faults.extend(found)).ok();
+    let question =
+        question(&spec, lab.as_ref(), spec.budget.max_runs).map_err(|found| faults.extend(found)).ok();
     check_seeding(&spec, question.as_ref(), &mut faults);
     if let Some(question) = &question
         && lab.is_none()
@@ -84,7 +85,9 @@ pub(crate) fn read(
     // The parameters must suit the other tests as well.
     let others = lab.iter().flat_map(|lab| lab.tests.iter().skip(1));
     others.for_each(|test| drop(read_corners(&test.base)));
-    if let (Some(posterior), Ok((_, expansion))) = (spec.posterior.as_ref().and_then(Posterior::of), &expansion) {
+    if let (Some(posterior), Ok((_, expansion))) =
+        (spec.posterior.as_ref().and_then(Posterior::of), &expansion)
+    {
         // A run draws any of the samples.
         for corner in expansion.points.iter() {
             let all = posterior.check(&corner.scenario, 0..posterior.len(), (meshes, &limits.scenario));

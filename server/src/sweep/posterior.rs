@@ -123,7 +123,8 @@ pub(super) fn faults(draws: &PosteriorDraws, complete: Option<&Value>, varied: &
     }
     let (Some(parameters), Some(samples)) = (&draws.parameters, &draws.samples) else {
         let detail = "the samples are missing";
-        let allowed = "`study`, the identifier of a calibration on this server; or `parameters` and `samples`";
+        let allowed =
+            "`study`, the identifier of a calibration on this server; or `parameters` and `samples`";
         faults.push(fault(at, json!(draws), detail, allowed));
         return faults;
     };
@@ -179,7 +180,8 @@ mod tests {
 
     #[test]
     fn linked_fields_share_their_column() {
-        let filled = posterior_columns(&[vec!["/a/x", "/b/x"], vec!["/c"]], &[json!([1.0, 2.0]), json!([3.0, 4.0])]);
+        let filled =
+            posterior_columns(&[vec!["/a/x", "/b/x"], vec!["/c"]], &[json!([1.0, 2.0]), json!([3.0, 4.0])]);
         assert_eq!(filled["parameters"], json!(["/a/x", "/b/x", "/c"]));
         assert_eq!(filled["samples"], json!([[1.0, 1.0, 2.0], [3.0, 3.0, 4.0]]));
     }

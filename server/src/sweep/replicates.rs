@@ -55,7 +55,15 @@ pub(super) struct Response {
 impl Replicates {
     /// Holds as many responses as fit into this memory, and at least one.
     pub(super) fn new(max_bytes: usize, runs_per_sample: Option<u32>) -> Self {
-        Self { runs_per_sample, max_bytes, bytes: 0, points: 0, columns: BTreeMap::new(), after: None, before: None }
+        Self {
+            runs_per_sample,
+            max_bytes,
+            bytes: 0,
+            points: 0,
+            columns: BTreeMap::new(),
+            after: None,
+            before: None,
+        }
     }
 
     /// Adds points with their succeeded trials, which are sorted by point and replicate.

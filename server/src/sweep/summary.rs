@@ -49,7 +49,8 @@ fn add_input(name: &str, summary: &mut Summary, trials: &[TrialRow], runs_per_sa
         groups.entry(trial.replicate / runs_per_sample).or_default().extend(value);
     }
     let groups: Vec<Vec<f64>> = groups.into_values().collect();
-    let Some(Nested { input_deviation, chance_deviation, interval: (low, high), .. }) = Nested::of(&groups) else {
+    let Some(Nested { input_deviation, chance_deviation, interval: (low, high), .. }) = Nested::of(&groups)
+    else {
         return;
     };
     (summary.input_deviation, summary.chance_deviation) = (Some(input_deviation), chance_deviation);

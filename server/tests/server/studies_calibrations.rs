@@ -22,19 +22,18 @@ fn calibration() -> Value {
 async fn jobs_simulate_the_tests_and_clients_run_none() {
     let (server, _dir) = TestServer::start().await;
     let id = submit(&server, &calibration()).await;
-    let jobs = server.get(&format!("/v1/sweeps/{id}/jobs")).await.expect(StatusCode::OK);
-    let mut experiments = Vec::new();
-    for job in jobs["items"].as_array().unwrap() {
-        let job = server.get(&format!("/v1/jobs/{}", text(&job["id"]))).await.expect(StatusCode::OK);
-        experiments.push(text(&job["scenario"]["experiment"]).to_owned());
-    }
+    let worker = server.worker("cpu").await;
+    let claimed = worker.claim(4).await;
+    let experiments: Vec<String> =
+        claimed.iter().map(|attempt| text(&attempt["scenario"]["experiment"]).to_owned()).collect();
     assert!(experiments.contains(&"slide".to_owned()) && experiments.contains(&"compress".to_owned()));
     for (path, document) in [
         ("ask", json!({"count": 1})),
         ("ask", json!({"points": [{"values": {FRICTION: 0.5, "test": "plate"}}]})),
         ("tell", json!({"outcomes": []})),
     ] {
-        let problem = server.post(&format!("/v1/studies/{id}/{path}"), &document).await.problem(409, "wrong-state");
+        let problem =
+            server.post(&format!("/v1/studies/{id}/{path}"), &document).await.problem(409, "wrong-state");
         assert!(text(&problem["detail"]).contains("only the server runs the tests"), "{problem}");
     }
     let study = server.get(&format!("/v1/studies/{id}")).await.expect(StatusCode::OK);

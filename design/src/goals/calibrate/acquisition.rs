@@ -8,12 +8,12 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::DMatrix;
 
-use super::{Setup, first_sets};
 use super::density::Density;
 use super::sampler::Samples;
+use super::{Setup, first_sets};
+use crate::decision::Proposal;
 use crate::evidence::Point;
 use crate::goals::Study;
-use crate::decision::Proposal;
 use crate::model::fantasy::Fantasies;
 use crate::model::kernel::columns;
 use crate::space::{distinct, mixed_seed};
@@ -45,7 +45,13 @@ impl Watched {
 
 /// Runs of tests that have too few values of a measured number: each test at samples of the posterior by the other numbers, as long as it has
 /// had fewer than twice the runs of the first design.
-pub(super) fn of_unknown(study: &Study<'_>, setup: &Setup<'_>, density: &Density<'_>, samples: &Samples, tests: &[usize]) -> Vec<Proposal> {
+pub(super) fn of_unknown(
+    study: &Study<'_>,
+    setup: &Setup<'_>,
+    density: &Density<'_>,
+    samples: &Samples,
+    tests: &[usize],
+) -> Vec<Proposal> {
     let most = 2 * first_sets(study.question);
     let mut proposals = Vec::new();
     for test in tests {
@@ -77,9 +83,8 @@ pub(super) fn proposals(
     let step = (samples.states.len() / SAMPLES).max(1);
     let chosen: Vec<&Vec<f64>> = samples.states.iter().step_by(step).take(SAMPLES).collect();
     let seed = mixed_seed(study.seed, 3);
-    let elsewhere: Vec<Vec<f64>> = distinct(density.parameters, 0..ELSEWHERE, seed)
-        .map(|point| point.coordinates())
-        .collect();
+    let elsewhere: Vec<Vec<f64>> =
+        distinct(density.parameters, 0..ELSEWHERE, seed).map(|point| point.coordinates()).collect();
     let mut sets: Vec<Vec<f64>> = chosen.iter().map(|state| state[..parameters].to_vec()).collect();
     let posterior = sets.len();
     let share = chosen.iter().map(|state| density.share(state)).sum::<f64>() / posterior as f64;
@@ -101,7 +106,8 @@ pub(super) fn proposals(
                 if is_full || known.is_some_and(|known| study.question.excludes(known)) {
                     continue;
                 }
-                let gain = candidates.watched.iter().map(|watched| watched.gain(index, posterior)).sum::<f64>();
+                let gain =
+                    candidates.watched.iter().map(|watched| watched.gain(index, posterior)).sum::<f64>();
                 if gain > 0.0 && best.is_none_or(|(most, ..)| gain > most) {
                     best = Some((gain, test, index));
                 }
@@ -110,7 +116,8 @@ pub(super) fn proposals(
         let Some((_, test, index)) = best else { break };
         let point = tests[test].points[index].clone();
         let known = study.evidence.at(&point);
-        let replicate = next.entry(point.clone()).or_insert_with(|| known.map_or(0, |known| known.next_replicate()));
+        let replicate =
+            next.entry(point.clone()).or_insert_with(|| known.map_or(0, |known| known.next_replicate()));
         proposals.push(Proposal { point: point.clone(), replicate: *replicate });
         *replicate += 1;
         for watched in &mut tests[test].watched {

@@ -87,7 +87,8 @@ impl TargetAgreement {
     /// degrees of freedom; of shares, and of deviations that come from elsewhere, of the normal distribution.
     pub fn is_contradicted(&self) -> bool {
         let freedom = if self.target.is_share() { 0 } else { self.target.n.saturating_sub(1) };
-        let limit = StudentsT::new(0.0, 1.0, freedom as f64).map_or(2.576, |students| students.inverse_cdf(0.995));
+        let limit =
+            StudentsT::new(0.0, 1.0, freedom as f64).map_or(2.576, |students| students.inverse_cdf(0.995));
         self.distance.is_some_and(|distance| distance.abs() > limit)
     }
 }
@@ -142,7 +143,8 @@ impl CalibrateAnswer {
         is_last: bool,
     ) -> Self {
         let factors = density.parameters;
-        let posterior = identifiability::Posterior::of(factors.len(), &samples.states, &prior_deviations(density));
+        let posterior =
+            identifiability::Posterior::of(factors.len(), &samples.states, &prior_deviations(density));
         let parameters = factors.iter().enumerate().map(|(index, factor)| ParameterEstimate {
             parameter: factor.name.clone(),
             estimate: estimated(samples.states.iter().map(|state| factor.place(state[index])).collect()),
@@ -184,7 +186,8 @@ fn prior_deviations(density: &Density<'_>) -> Vec<f64> {
         let places = (0..PRIOR_PLACES).map(|place| (place as f64 + 0.5) / PRIOR_PLACES as f64);
         let logs: Vec<(f64, f64)> = places.map(|place| (place, density.ln_prior_of(index, place))).collect();
         let largest = logs.iter().map(|(_, ln)| *ln).fold(f64::NEG_INFINITY, f64::max);
-        let weights: Vec<(f64, f64)> = logs.into_iter().map(|(place, ln)| (place, (ln - largest).exp())).collect();
+        let weights: Vec<(f64, f64)> =
+            logs.into_iter().map(|(place, ln)| (place, (ln - largest).exp())).collect();
         let total: f64 = weights.iter().map(|(_, weight)| weight).sum();
         let mean = weights.iter().map(|(place, weight)| place * weight).sum::<f64>() / total;
         let squares = weights.iter().map(|(place, weight)| weight * (place - mean).powi(2)).sum::<f64>();
@@ -221,7 +224,8 @@ fn agreements(
         let emulated = density.emulators[known].at(&points);
         let unknown = emulated.variances.iter().sum::<f64>() / listed.len() as f64;
         let mean = emulated.means.iter().sum::<f64>() / listed.len() as f64;
-        let spread = emulated.means.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / listed.len() as f64;
+        let spread =
+            emulated.means.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / listed.len() as f64;
         if target.is_share() {
             // On the scale of the log odds.
             let (odds, compared) = target.log_odds();

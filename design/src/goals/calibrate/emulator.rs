@@ -44,9 +44,9 @@ impl Emulator {
             return None;
         }
         let is_share = matches!(measure, Measure::Probability(_));
-        let (low, high) = values
-            .iter()
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)));
+        let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+            (low.min(*value), high.max(*value))
+        });
         let is_log = !is_share && low > 0.0 && high >= RATIO * low;
         let transformed = |point: &PointRuns| {
             let values = point.values(measure).into_iter();

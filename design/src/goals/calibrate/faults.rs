@@ -49,13 +49,19 @@ impl Calibrate {
             }
             prior_faults(&at, prior, faults);
             if let Some(factor) = factor.filter(|factor| prior.log_normal.is_some() && factor.low < 0.0) {
-                let detail = "the range of the parameter reaches below 0, where a log-normal prior has nothing";
+                let detail =
+                    "the range of the parameter reaches below 0, where a log-normal prior has nothing";
                 faults.push(fault(&format!("{at}/log_normal"), factor.low, detail, "a normal prior"));
             }
         }
         if let Some(scale) = self.discrepancy.filter(|scale| !(*scale > 0.0 && *scale <= 1.0)) {
             let allowed = "more than 0 and at most 1; left out for none";
-            faults.push(fault(&format!("{at}/discrepancy"), scale, "not a share of the measured mean", allowed));
+            faults.push(fault(
+                &format!("{at}/discrepancy"),
+                scale,
+                "not a share of the measured mean",
+                allowed,
+            ));
         }
         if !(self.emulator_share > 0.0 && self.emulator_share < 1.0) {
             let at = format!("{at}/emulator_share");

@@ -174,7 +174,9 @@ pub(super) fn further(
         let name = setup.factors.last().filter(|factor| factor.name == TEST);
         let name = name.and_then(|factor| factor.levels[test].as_str().map(str::to_owned));
         for response in unmeasured(goal, setup, test, runs) {
-            let Some(emulator) = Emulator::fit(factors, &Measure::Mean(response.clone()), runs) else { continue };
+            let Some(emulator) = Emulator::fit(factors, &Measure::Mean(response.clone()), runs) else {
+                continue;
+            };
             let emulated = emulator.at(&points);
             let count = listed.len() as f64;
             let mean = emulated.means.iter().sum::<f64>() / count;

@@ -201,7 +201,8 @@ fn first_design(study: &Study<'_>, setup: &Setup<'_>) -> Vec<Vec<f64>> {
 fn first_proposals(study: &Study<'_>, setup: &Setup<'_>) -> Vec<Proposal> {
     let mut proposals = Vec::new();
     let design = first_design(study, setup);
-    let is_of_design = |point: &Point| design.iter().any(|set| setup.point(set, setup.split(point).1) == *point);
+    let is_of_design =
+        |point: &Point| design.iter().any(|set| setup.point(set, setup.split(point).1) == *point);
     let mut others = vec![0; setup.tests()];
     for runs in study.evidence.points().iter().filter(|runs| !is_of_design(&runs.point)) {
         others[setup.split(&runs.point).1] += 1;
@@ -233,8 +234,8 @@ fn has_pending(study: &Study<'_>, setup: &Setup<'_>) -> bool {
 fn further_proposals(study: &Study<'_>, setup: &Setup<'_>) -> Vec<Proposal> {
     let known: BTreeSet<&Point> = study.evidence.points().iter().map(|runs| &runs.point).collect();
     let sets = distinct(setup.parameters(), first_sets(study.question)..SEQUENCE_LENGTH, study.seed);
-    let points =
-        sets.flat_map(|set| (0..setup.tests()).map(move |test| (set.coordinates(), test)).collect::<Vec<_>>());
+    let points = sets
+        .flat_map(|set| (0..setup.tests()).map(move |test| (set.coordinates(), test)).collect::<Vec<_>>());
     let points = points.map(|(set, test)| setup.point(&set, test));
     let new = points.filter(|point| !known.contains(point));
     new.take(study.room).map(|point| Proposal { point, replicate: 0 }).collect()

@@ -47,9 +47,9 @@ pub(super) fn ln_density(factor: &Factor, prior: Option<&ParameterPrior>, coordi
         Scale::Linear => 0.0,
         Scale::Log => value.ln(),
     };
-    let normal = prior.normal.map_or(0.0, |NormalPrior { mean, deviation }| {
-        ln_slope - 0.5 * ((value - mean) / deviation).powi(2)
-    });
+    let normal = prior
+        .normal
+        .map_or(0.0, |NormalPrior { mean, deviation }| ln_slope - 0.5 * ((value - mean) / deviation).powi(2));
     let log_normal = prior.log_normal.map_or(0.0, |LogNormalPrior { median, factor }| {
         if value <= 0.0 {
             return f64::NEG_INFINITY;

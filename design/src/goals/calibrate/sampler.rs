@@ -120,8 +120,9 @@ fn starts(
     let mut power = 1.0;
     let weights = loop {
         let weights: Vec<f64> = heights.iter().map(|height| (power * (height - largest)).exp()).collect();
-        let (sum, squares) =
-            weights.iter().fold((0.0, 0.0), |(sum, squares), weight| (sum + weight, squares + weight * weight));
+        let (sum, squares) = weights
+            .iter()
+            .fold((0.0, 0.0), |(sum, squares), weight| (sum + weight, squares + weight * weight));
         if sum * sum / squares >= MIN_STARTS || power < 1e-12 {
             break weights;
         }

@@ -38,7 +38,12 @@ fn outcome(question: &Question, run: &Run, simulation: Simulation<'_>) -> Outcom
 }
 
 /// Decides and runs in turns, `workers` runs at a time, until the study has ended.
-fn conduct(question: &Question, workers: usize, seed: u64, simulation: Simulation<'_>) -> (Decision, Vec<Run>) {
+fn conduct(
+    question: &Question,
+    workers: usize,
+    seed: u64,
+    simulation: Simulation<'_>,
+) -> (Decision, Vec<Run>) {
     let mut runs: Vec<Run> = Vec::new();
     loop {
         let decision = decide(question, &Evidence::new(runs.clone()), workers, seed);
@@ -47,7 +52,8 @@ fn conduct(question: &Question, workers: usize, seed: u64, simulation: Simulatio
         }
         assert!(!decision.proposals.is_empty(), "idle and unfinished");
         for proposal in decision.proposals {
-            let known = runs.iter().any(|run| (&run.point, run.replicate) == (&proposal.point, proposal.replicate));
+            let known =
+                runs.iter().any(|run| (&run.point, run.replicate) == (&proposal.point, proposal.replicate));
             assert!(!known, "proposed twice: {proposal:?}");
             let run = Run { point: proposal.point, replicate: proposal.replicate, outcome: Outcome::Pending };
             let outcome = outcome(question, &run, simulation);
@@ -106,7 +112,10 @@ fn priors_count() {
     // Two normal densities of the same width: the product has its mean between, and 1/√2 of the width.
     let estimate = answer(&decision).parameters[0].estimate;
     assert!((estimate.mean - 0.4).abs() < 0.005, "{estimate:?}");
-    assert!((estimate.high - estimate.low - 2.0 * 1.96 * 0.05 / 2.0_f64.sqrt()).abs() < 0.015, "{estimate:?}");
+    assert!(
+        (estimate.high - estimate.low - 2.0 * 1.96 * 0.05 / 2.0_f64.sqrt()).abs() < 0.015,
+        "{estimate:?}"
+    );
 }
 
 #[test]
@@ -181,7 +190,8 @@ fn discrepancy_widens_intervals_and_curves_count_as_one_specimen() {
         (estimate.high - estimate.low, found.discrepancy)
     };
     let (single, _) = width(json!({"targets": [curve(0.0)], "emulator_share": 0.01}));
-    let (three, none) = width(json!({"targets": [curve(0.0), curve(0.5), curve(1.0)], "emulator_share": 0.01}));
+    let (three, none) =
+        width(json!({"targets": [curve(0.0), curve(0.5), curve(1.0)], "emulator_share": 0.01}));
     let (with, share) = width(json!({"targets": [curve(0.0)], "discrepancy": 0.1}));
     // Independent points would give 1/√3 = 0.58; the correlated ones give √(1/(1ᵀC⁻¹1)) = 0.82.
     assert!((three / single - 0.82).abs() < 0.06, "{three} {single}");

@@ -41,7 +41,9 @@ fn evidence(question: &Question) -> Evidence {
         let (a, b) = (set[0], set[1]);
         let of_test = [
             vec![("y", (1.0 + a).powi(2) * (0.8 + 0.4 * b))],
-            [0.0, 0.5, 1.0].map(|x| (["z@x=0", "z@x=0.5", "z@x=1"][(2.0 * x) as usize], b + x * (a - 0.2 * b))).to_vec(),
+            [0.0, 0.5, 1.0]
+                .map(|x| (["z@x=0", "z@x=0.5", "z@x=1"][(2.0 * x) as usize], b + x * (a - 0.2 * b)))
+                .to_vec(),
         ];
         let point = |test: usize| -> Point { setup.point(&set, test) };
         let outcome = |responses: Vec<(&str, f64)>| {
@@ -97,7 +99,10 @@ fn samples_agree_with_emcee() {
             let quantile = |share: f64| values[((count - 1.0) * share).round() as usize];
             let near = |name: &str, value: f64, expected: f64, tolerance: f64| {
                 let distance = (value - expected).abs() / deviation;
-                assert!(distance < tolerance, "{name} of {number}: {value}, emcee {expected}: {distance} deviations");
+                assert!(
+                    distance < tolerance,
+                    "{name} of {number}: {value}, emcee {expected}: {distance} deviations"
+                );
             };
             near("mean", found, *mean, 0.1);
             near("deviation", spread, *deviation, 0.1);

@@ -49,7 +49,10 @@ fn runs_simulate_each_test_with_the_parameters() {
     }
     assert!(experiments.contains(&"slide") && experiments.contains(&"compress"));
     let words = decided.sentences.join(" ");
-    assert!(words.contains("Too few runs have ended") && words.contains("for the scenarios of the tests"), "{words}");
+    assert!(
+        words.contains("Too few runs have ended") && words.contains("for the scenarios of the tests"),
+        "{words}"
+    );
     assert!(study.question_sentence().contains("agree with the measurements \"m\"?"));
 }
 
@@ -70,14 +73,30 @@ fn every_fault_is_named_at_its_place() {
         ("/base", json!({"experiment": "hopper"}), "/base"),
         ("/driver", json!("client"), "/driver"),
         ("/posterior", json!({"parameters": [], "samples": []}), "/posterior"),
-        ("/factors/0", json!({"pointer": "/bend/bar_radius_m", "low": 0.01, "high": 0.02}), "/factors/0/pointer"),
+        (
+            "/factors/0",
+            json!({"pointer": "/bend/bar_radius_m", "low": 0.01, "high": 0.02}),
+            "/factors/0/pointer",
+        ),
         ("/factors/0", json!({"pointer": "/product/shape", "low": 0, "high": 3}), "/factors/0"),
         ("/factors/1/high", json!(1e12), "/factors/1/high"),
         ("/goal/calibrate/discrepancy", json!(-1), "/goal/calibrate/discrepancy"),
-        ("/goal/calibrate/priors", json!([{"parameter": "/x", "normal": {"mean": 1, "deviation": 1}}]), "/goal/calibrate/priors/0/parameter"),
+        (
+            "/goal/calibrate/priors",
+            json!([{"parameter": "/x", "normal": {"mean": 1, "deviation": 1}}]),
+            "/goal/calibrate/priors/0/parameter",
+        ),
         ("/goal/calibrate/prior", json!([]), "/goal/calibrate"),
-        ("/goal/calibrate/measurements/tests/0/scenario/experiment", json!("roll"), "/goal/calibrate/measurements/tests/0/scenario/experiment"),
-        ("/goal/calibrate/measurements/tests/1/measured/responses/0/unit", json!("mm"), "/goal/calibrate/measurements/tests/1/measured/responses/0/unit"),
+        (
+            "/goal/calibrate/measurements/tests/0/scenario/experiment",
+            json!("roll"),
+            "/goal/calibrate/measurements/tests/0/scenario/experiment",
+        ),
+        (
+            "/goal/calibrate/measurements/tests/1/measured/responses/0/unit",
+            json!("mm"),
+            "/goal/calibrate/measurements/tests/1/measured/responses/0/unit",
+        ),
         ("/budget/max_runs", json!(5), "/budget/max_runs"),
     ];
     for (pointer, value, expected) in cases {
@@ -95,8 +114,9 @@ fn every_fault_is_named_at_its_place() {
 
 #[test]
 fn long_curve_is_compared_at_places_that_lie_evenly() {
-    let points: Vec<Value> =
-        (1..=40).map(|index| json!({"x": 0.001 * f64::from(index), "mean": 1.0, "deviation": 0.1, "n": 3})).collect();
+    let points: Vec<Value> = (1..=40)
+        .map(|index| json!({"x": 0.001 * f64::from(index), "mean": 1.0, "deviation": 0.1, "n": 3}))
+        .collect();
     let mut document = document();
     document["goal"]["calibrate"]["measurements"]["tests"][1]["measured"] =
         json!({"curves": [{"x": "strain", "y": "stress", "y_unit": "kPa", "points": points}]});

@@ -93,8 +93,9 @@ fn mean_of_an_indicator_is_a_share_with_its_interval() {
     near(single.low_95, &json!(0.20654931437723745));
     assert_eq!(single.high_95, Some(1.0));
     let responses = [Response { name: "jammed".to_owned(), has_numbers: true, has_words: false }];
-    let csv = String::from_utf8(csv(&of_points(&[], &responses, std::slice::from_ref(row), false), true).unwrap())
-        .unwrap();
+    let csv =
+        String::from_utf8(csv(&of_points(&[], &responses, std::slice::from_ref(row), false), true).unwrap())
+            .unwrap();
     let head = "jammed.n,jammed.mean,jammed.standard_deviation,jammed.low_95,jammed.high_95";
     assert!(csv.lines().next().unwrap().ends_with(head), "{csv}");
     assert!(csv.lines().nth(1).unwrap().contains(",10,0.4,0.51"), "{csv}");
@@ -286,8 +287,10 @@ fn a_parquet_file_equals_the_table() {
     assert!(rows[2].get_double(13).is_err() && rows[0].get_double(12).is_err(), "null is null");
     assert_eq!(rows[2].get_string(7).unwrap(), "lost");
 
-    let csv =
-        String::from_utf8(csv(&of_points(&names, &responses, &by_point(&trials, None), false), true).unwrap()).unwrap();
+    let csv = String::from_utf8(
+        csv(&of_points(&names, &responses, &by_point(&trials, None), false), true).unwrap(),
+    )
+    .unwrap();
     let head = csv.lines().next().unwrap();
     assert!(head.starts_with("point,/a,/w,trials,succeeded,failed,unstable,n.n,n.mean,"), "{head}");
     assert!(head.contains(",ok.n,ok.words,") && head.ends_with(",y.low_95,y.high_95"), "{head}");

@@ -37,9 +37,15 @@ fn samples_that_cannot_be_used_are_named() {
         (json!({"parameters": ["/contact/condition"], "samples": [[0.1]]}), "/posterior/parameters/0"),
         (json!({"parameters": [FRICTION, FRICTION], "samples": [[0.1, 0.1]]}), "/posterior/parameters/1"),
         (json!({"parameters": [FRICTION], "samples": [[0.1], [0.2], [-3.0]]}), "/posterior/samples/2"),
-        (json!({"parameters": ["/product/subparticle_radius_m"], "samples": [[0.0005], [0.008]]}), "/posterior/samples/0"),
+        (
+            json!({"parameters": ["/product/subparticle_radius_m"], "samples": [[0.0005], [0.008]]}),
+            "/posterior/samples/0",
+        ),
         (json!({"parameters": [FRICTION], "samples": [[0.1]]}), "/replicates"),
-        (json!({"parameters": [FRICTION], "samples": [[0.1]], "runs_per_sample": 0}), "/posterior/runs_per_sample"),
+        (
+            json!({"parameters": [FRICTION], "samples": [[0.1]], "runs_per_sample": 0}),
+            "/posterior/runs_per_sample",
+        ),
     ];
     for (posterior, expected) in cases {
         let found = faults(&drawing(posterior.clone()));
@@ -56,15 +62,22 @@ fn intervals_include_what_is_not_known_of_parameters() {
     let plain = &by_point(&trials, None)[0].responses["y"];
     let drawn = &by_point(&trials, Some(2))[0].responses["y"];
     assert_eq!((plain.input_deviation, plain.mean), (None, drawn.mean));
-    let near = |value: Option<f64>, expected: f64| assert!((value.unwrap() - expected).abs() < 1e-9, "{drawn:?}");
+    let near =
+        |value: Option<f64>, expected: f64| assert!((value.unwrap() - expected).abs() < 1e-9, "{drawn:?}");
     near(drawn.input_deviation, 8.0_f64.sqrt());
     near(drawn.chance_deviation, 2.0_f64.sqrt());
-    assert!(drawn.high_95.unwrap() - drawn.low_95.unwrap() > 3.0 * (plain.high_95.unwrap() - plain.low_95.unwrap()));
+    assert!(
+        drawn.high_95.unwrap() - drawn.low_95.unwrap()
+            > 3.0 * (plain.high_95.unwrap() - plain.low_95.unwrap())
+    );
     let names = ["y".to_owned()];
     let response = Response { name: names[0].clone(), has_numbers: true, has_words: false };
     let table = of_points(&[], &[response], &by_point(&trials, Some(2)), true);
     let table = String::from_utf8(csv(&table, true).unwrap()).unwrap();
-    assert!(table.lines().next().unwrap().ends_with("y.high_95,y.input_deviation,y.chance_deviation"), "{table}");
+    assert!(
+        table.lines().next().unwrap().ends_with("y.high_95,y.input_deviation,y.chance_deviation"),
+        "{table}"
+    );
 }
 
 #[test]
@@ -75,7 +88,8 @@ fn extension_draws_no_sample_twice_and_no_faulty_one() {
     let levels = expansion.points.iter().map(|point| point.levels).collect();
     let mut stored = StoredSweep { spec, points: levels, replicates: 4 };
     let more = |stored: &StoredSweep, replicates: u32| {
-        extend(stored, json!({"replicates": replicates}), &Meshes::default(), LIMITS).map(|added| added.replicates)
+        extend(stored, json!({"replicates": replicates}), &Meshes::default(), LIMITS)
+            .map(|added| added.replicates)
     };
     assert_eq!(more(&stored, 2), Ok(6));
     assert_eq!(more(&stored, 3).unwrap_err()[0].pointer, "/replicates");
@@ -90,7 +104,8 @@ fn extension_draws_no_sample_twice_and_no_faulty_one() {
 
 #[test]
 fn equal_answers_of_yes_or_no_keep_the_interval_of_their_share() {
-    let trials: Vec<_> = (0..20).map(|replicate| trial(0, replicate, json!({}), json!({"jammed": 0}))).collect();
+    let trials: Vec<_> =
+        (0..20).map(|replicate| trial(0, replicate, json!({}), json!({"jammed": 0}))).collect();
     let plain = by_point(&trials, None)[0].responses["jammed"].clone();
     let drawn = by_point(&trials, Some(2))[0].responses["jammed"].clone();
     assert_eq!((drawn.low_95, drawn.high_95), (plain.low_95, plain.high_95));

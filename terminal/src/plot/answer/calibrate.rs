@@ -103,7 +103,8 @@ impl Calibration<'_> {
                 Scale::Log => ends.start * (ends.end / ends.start).powf(share),
             }
         };
-        let height = Axis { label: "samples".to_owned(), range: AxisRange::Linear((0.0..1.08 * highest).into()) };
+        let height =
+            Axis { label: "samples".to_owned(), range: AxisRange::Linear((0.0..1.08 * highest).into()) };
         let mut chart = chart_with(panel, axis, height, LABELS)?;
         let bars = columns.iter().enumerate().map(|(column, count)| {
             Rectangle::new([(at(column), 0.0), (at(column + 1), *count)], BLUE.mix(0.5).filled())
@@ -156,10 +157,7 @@ impl Calibration<'_> {
             let y = rows - index as f64 - 0.5;
             let (low, high) = measured(of);
             let [mean, from, to] = simulated(of);
-            let paths = [
-                (low, high, 1.0, y + 0.14, ORANGE, 6),
-                (from, to, mean, y - 0.14, BLUE, 5),
-            ];
+            let paths = [(low, high, 1.0, y + 0.14, ORANGE, 6), (from, to, mean, y - 0.14, BLUE, 5)];
             for (low, high, mean, y, colour, radius) in paths {
                 chart.draw_series([PathElement::new([(low, y), (high, y)], colour.stroke_width(3))])?;
                 chart.draw_series([Circle::new((mean, y), radius, colour.filled())])?;
@@ -201,8 +199,14 @@ impl Body for Calibration<'_> {
         let place = ((WIDTH - legend::WIDTH - 20) as i32, 20);
         let legend = corner.shrink(place, (legend::WIDTH, self.side() - 20));
         let rows = [
-            (Glyph::Dot(4, BLUE.mix(0.5).filled()), "samples of the posterior; simulated with them, 95 %".to_owned()),
-            (Glyph::Dot(5, ORANGE.filled()), "most probable set; measured, mean ± 2 standard errors".to_owned()),
+            (
+                Glyph::Dot(4, BLUE.mix(0.5).filled()),
+                "samples of the posterior; simulated with them, 95 %".to_owned(),
+            ),
+            (
+                Glyph::Dot(5, ORANGE.filled()),
+                "most probable set; measured, mean ± 2 standard errors".to_owned(),
+            ),
         ];
         legend::draw(&legend, 0, &rows)?;
         if self.compared().is_empty() { Ok(()) } else { self.draw_comparison(&rest) }
