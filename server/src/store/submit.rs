@@ -25,7 +25,7 @@ use super::job_rows::{JobBatches, JobOptions, JobRow, QueueStart, insert_jobs, i
 use super::{Store, StoreError};
 #[cfg(test)]
 use crate::sweep::Trial;
-use crate::sweep::{Expansion, Posterior};
+use crate::sweep::{Expansion, runs_per_sample};
 
 /// A sweep about to be stored.
 pub(crate) struct NewSweep {
@@ -69,11 +69,7 @@ impl NewSweep {
                 name: spec.name,
                 points: points.len(),
                 replicates,
-                runs_per_sample: spec
-                    .posterior
-                    .as_ref()
-                    .and_then(Posterior::of)
-                    .map(|posterior| posterior.runs_per_sample()),
+                runs_per_sample: runs_per_sample(&spec),
             },
             batches: JobBatches::start(id, jobs, move |encoder| encoder.encode(points.trials(0, replicates))),
         })

@@ -4,7 +4,7 @@
 //! design points have the same samples, so that their differences do not contain those of samples.
 
 use roost_api::Fault;
-use roost_api::sweep::PosteriorDraws;
+use roost_api::sweep::{PosteriorDraws, SweepSpec};
 use roost_solver::Limits;
 use roost_solver::mesh::Meshes;
 use roost_solver::scenario::{self, Scenario, fields};
@@ -37,11 +37,6 @@ impl Posterior {
         let (parameters, samples) = (draws.parameters.clone()?, draws.samples.clone()?);
         let runs_per_sample = draws.runs_per_sample.unwrap_or(RUNS_PER_SAMPLE).max(1);
         Some(Self { parameters, samples, runs_per_sample })
-    }
-
-    /// Replicates in a row with the same sample.
-    pub(crate) fn runs_per_sample(&self) -> u32 {
-        self.runs_per_sample
     }
 
     /// The index of a replicate's sample.
@@ -102,6 +97,11 @@ impl Posterior {
     pub(super) fn max_replicates(&self) -> u32 {
         u32::try_from(self.samples.len()).unwrap_or(u32::MAX).saturating_mul(self.runs_per_sample)
     }
+}
+
+/// Replicates in a row that have the same parameters, if the sweep draws these from a posterior.
+pub(crate) fn runs_per_sample(spec: &SweepSpec) -> Option<u32> {
+    Some(Posterior::of(spec.posterior.as_ref()?)?.runs_per_sample)
 }
 
 /// The fault of more replicates than there are samples for.
