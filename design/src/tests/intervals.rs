@@ -104,7 +104,7 @@ fn means_that_stop_by_width_are_as_certain_as_promised() {
                 let (low, high) = loop {
                     values.push(draw(&mut random));
                     // Looking costs the square of the number of values: of many, at every tenth.
-                    if values.len() > 100 && values.len() % 10 != 0 {
+                    if values.len() > 100 && !values.len().is_multiple_of(10) {
                         continue;
                     }
                     let found = Estimated::of(&measure, &values).unwrap();

@@ -66,10 +66,10 @@ impl NewSweep {
                 design: spec.design.kind,
                 factors: to_json("factors", &factors)?,
                 labels: to_json("labels", &spec.labels)?,
+                runs_per_sample: runs_per_sample(&spec),
                 name: spec.name,
                 points: points.len(),
                 replicates,
-                runs_per_sample: runs_per_sample(&spec),
             },
             batches: JobBatches::start(id, jobs, move |encoder| encoder.encode(points.trials(0, replicates))),
         })

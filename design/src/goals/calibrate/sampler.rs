@@ -76,7 +76,7 @@ pub(super) fn sample(density: &Density<'_>, seed: u64, steps: usize) -> Option<S
                 variance[ensemble][number].push(squares / walkers as f64);
             }
         }
-        if (step - burn_in) % (steps / KEPT).max(1) == 0 {
+        if (step - burn_in).is_multiple_of((steps / KEPT).max(1)) {
             kept.extend(states.iter().cloned());
         }
     }
