@@ -12,6 +12,7 @@ use serde_json::json;
 
 use crate::document::DocumentKind;
 use crate::meshes::{self, Resolved};
+use crate::submit::submission_error;
 use crate::{forecast, measurements, target};
 
 /// Check a scenario, a sweep, a study or measurements without simulating
@@ -45,6 +46,16 @@ pub(crate) async fn execute(args: Args, is_study: bool) -> Result<Exit> {
             Ok(lab) => measurements::print(&args.file, &lab, args.json).map(|()| Exit::Done),
             Err(faults) => report_faults(&args, &faults),
         };
+    }
+    if let Some(client) = args.server.client()?
+        && document.pointer("/posterior/study").is_some()
+    {
+        // Only the server has the samples.
+        let report = client.validate(&document).await;
+        let report =
+            report.map_err(|error| submission_error(&args.file, DocumentKind::of(&document), error))?;
+        print_report(&args, &meshes::resolve(&args.file, document), &report)?;
+        return Ok(Exit::Done);
     }
     let resolved = meshes::resolve(&args.file, document).without_server();
     let max_jobs = ServerConfig::default().max_jobs_per_sweep;

@@ -26,9 +26,9 @@ T_199 = 1.972  # Student's t at 97.5 % for 199 degrees of freedom
 
 
 def values(seed, count):
-    """Frictions that a calibration might give: 0.35 with a standard deviation of 0.1, from 0.05 on."""
+    """Frictions that a calibration might give: 0.5 with a standard deviation of 0.1."""
     chance = random.Random(seed)
-    return [max(0.05, chance.gauss(0.35, 0.1)) for _ in range(count)]
+    return [chance.gauss(0.5, 0.1) for _ in range(count)]
 
 
 def points(farm, sweep):
@@ -44,7 +44,7 @@ def main():
         drawn = farm.submit({**common, "name": "drawn", "factors": [], "replicates": 400,
                              "posterior": {"parameters": [FRICTION], "samples": [[value] for value in values(1, 200)]}})
         fixed = farm.submit({**common, "name": "fixed", "factors": [], "replicates": 400,
-                             "posterior": {"parameters": [FRICTION], "samples": [[0.35]], "runs_per_sample": 400}})
+                             "posterior": {"parameters": [FRICTION], "samples": [[0.5]], "runs_per_sample": 400}})
         direct = farm.submit({"base": {**BASE, "seed": 10_000}, "name": "direct", "replicates": 4,
                               "design": {"kind": "list", "rows": [[value] for value in values(2, 200)]},
                               "factors": [{"pointer": FRICTION}]})

@@ -84,7 +84,13 @@ pub(crate) fn read(
     let expansion = read_corners(&spec.base);
     // The parameters must suit the other tests as well.
     let others = lab.iter().flat_map(|lab| lab.tests.iter().skip(1));
-    others.for_each(|test| drop(read_corners(&test.base)));
+    let others: Vec<_> = others.map(|test| read_corners(&test.base)).collect();
+    let expansion = expansion.map(|(sweep, mut expansion)| {
+        // A run takes the mean time of the tests.
+        let all = others.iter().flatten().map(|(_, other)| other.wall_s);
+        expansion.wall_s = (expansion.wall_s + all.sum::<f64>()) / (others.len() + 1) as f64;
+        (sweep, expansion)
+    });
     if let (Some(posterior), Ok((_, expansion))) =
         (spec.posterior.as_ref().and_then(Posterior::of), &expansion)
     {

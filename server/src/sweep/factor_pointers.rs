@@ -66,9 +66,13 @@ fn field(at: &str, pointer: &str, complete: Option<&Value>, faults: &mut Vec<Fau
         let detail = format!("`{pointer}` cannot be a factor; use `replicates` for more seeds");
         faults.push(fault(at, json!(pointer), &detail, ""));
     } else if complete.is_some_and(|complete| complete.pointer(pointer).is_none()) {
-        let hint = scenario::nearest(pointer)
-            .map(|nearest| format!(": did you mean {}?", with_indices(nearest, pointer)))
-            .unwrap_or_default();
+        let hint = scenario::nearest(pointer).map(|nearest| with_indices(nearest, pointer));
+        let hint = match hint {
+            // Another experiment has it.
+            Some(nearest) if nearest == pointer => String::new(),
+            Some(nearest) => format!(": did you mean {nearest}?"),
+            None => String::new(),
+        };
         faults.push(fault(at, json!(pointer), &format!("the scenario has no such field{hint}"), ""));
     }
 }

@@ -122,7 +122,10 @@ pub(super) fn faults(draws: &PosteriorDraws, complete: Option<&Value>, varied: &
         faults.push(fault(&at, json!(0), "a sample has at least one run", "1 or more"));
     }
     let (Some(parameters), Some(samples)) = (&draws.parameters, &draws.samples) else {
-        let detail = "the samples are missing";
+        let detail = match draws.study {
+            Some(_) => "the samples of a study are at its server: only the server can fill them in",
+            None => "the samples are missing",
+        };
         let allowed =
             "`study`, the identifier of a calibration on this server; or `parameters` and `samples`";
         faults.push(fault(at, json!(draws), detail, allowed));
