@@ -4,7 +4,7 @@
     cargo build
     worker/benches/kills.py target/debug/roost [KILLS [SECONDS [CHECKED [REPLICATES]]]]
 
-A server, and two workers with one thread each. Every 12 s one of them is killed with SIGKILL and started again. Checkpoints are uploaded
+A server, and two workers with one thread each. Every 11.5 s one of them is killed with SIGKILL and started again. Checkpoints are uploaded
 every 10 s. The time lost by a kill is that from the moment at which the job was as far as its next attempt begins, to the kill. At
 the end, some jobs are simulated again without kills. Exits with 1 if a job is lost or has other bits, or if a kill lost more than 15 s.
 """
@@ -21,7 +21,7 @@ import time
 
 from farm import Farm
 
-INTERVAL_S = 12.0
+INTERVAL_S = 11.5
 LIMIT_S = 15.0
 
 BASE = {"experiment": "hopper",
