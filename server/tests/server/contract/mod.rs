@@ -191,6 +191,8 @@ async fn create_objects(server: &TestServer, seed: u64) -> HashMap<&'static str,
     }
     // The job that runs most often, for heartbeats and deliveries.
     jobs.extend([&attempts[2]["job_id"], &attempts[2]["job_id"], &attempts[3]["job_id"]].map(Value::clone));
+    // The job that failed, for retries: most others cannot be retried.
+    jobs.extend(std::iter::repeat_n(&attempts[1]["job_id"], 4).cloned());
     HashMap::from([
         ("job_id", jobs.clone()),
         ("jobs", jobs),
@@ -208,6 +210,13 @@ async fn create_objects(server: &TestServer, seed: u64) -> HashMap<&'static str,
             ],
         ),
         ("seeded_by", vec![json!([])]),
+        (
+            "posterior",
+            vec![
+                Value::Null,
+                json!({"parameters": ["/contact/fillet_belt/static_friction"], "samples": [[0.4], [0.5]]}),
+            ],
+        ),
         ("driver", vec![json!("server"), json!("client")]),
         ("from", vec![json!(0)]),
         ("to", vec![json!(1)]),
