@@ -47,6 +47,7 @@ deny: needs
 
 # Types of the dashboard's modules, against the API's OpenAPI document. Where npm cannot install TypeScript, this says so and passes.
 DASHBOARD_TOOLS := target/tools/dashboard
+ROOST := cargo run --quiet --
 dashboard-check:
 	@if ! cmp -s .ci/dashboard/package-lock.json $(DASHBOARD_TOOLS)/package-lock.json; then \
 		echo "installing TypeScript from npm into $(DASHBOARD_TOOLS)"; \
@@ -54,7 +55,7 @@ dashboard-check:
 		npm ci --prefix $(DASHBOARD_TOOLS) --ignore-scripts --no-audit --no-fund --silent || rm -rf $(DASHBOARD_TOOLS); \
 	fi; \
 	if [ -x $(DASHBOARD_TOOLS)/node_modules/.bin/tsc ]; then \
-		mkdir -p target/dashboard && cargo run --quiet -- openapi > target/dashboard/openapi.json && \
+		mkdir -p target/dashboard && $(ROOST) openapi > target/dashboard/openapi.json && \
 		node .ci/dashboard/openapi-types.mjs target/dashboard/openapi.json > target/dashboard/openapi.d.ts && \
 		$(DASHBOARD_TOOLS)/node_modules/.bin/tsc --project .ci/dashboard; \
 	else echo "the types of the dashboard are not checked: TypeScript cannot be installed (it needs node and npm)"; fi
