@@ -69,7 +69,7 @@ pub(crate) fn read(
     let corners = corners(&spec.factors);
     let mut read_corners = |base: &Value| {
         let sweep = json!(SweepSpec { base: base.clone(), ..sweep_of(&spec, &corners) });
-        let found = sweep::read(sweep, meshes, limits).map_err(|found| {
+        sweep::read(sweep, meshes, limits).map_err(|found| {
             for found in found.into_iter().map(|fault| at_factor(fault, &corners, &spec.factors)) {
                 // An end or a level is in several corners.
                 let is_same =
@@ -78,8 +78,7 @@ pub(crate) fn read(
                     faults.push(found);
                 }
             }
-        });
-        found
+        })
     };
     let expansion = read_corners(&spec.base);
     // The parameters must suit the other tests as well.
