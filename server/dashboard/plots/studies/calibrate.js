@@ -20,7 +20,7 @@ export function calibratePictures({ factors }) {
  * @param {CalibrateFinding} found @param {StudyFactor[]} factors @returns {Plot}
  */
 function samplesPlot({ parameters, samples }, factors) {
-  const traces = [], /** @type {Record<string, any>} */ axes = {}, count = parameters.length, gap = 0.06 / count;
+  const /** @type {any[]} */ traces = [], /** @type {Record<string, any>} */ axes = {}, count = parameters.length, gap = 0.06 / count;
   const title = (/** @type {number} */ i) => ({ text: factors[i].label, font: { size: 11 } });
   const column = (/** @type {number} */ i) => samples.map((sample) => sample[i]);
   for (let row = 0; row < count; row++) {
