@@ -3,7 +3,7 @@
 
     docs/data/posterior_intervals.py target/debug/roost
 
-A small hopper has an uncertain friction of the belt: 200 samples, two runs each. The direct Monte Carlo has 200 other values, with four runs
+A small hopper has an uncertain speed of its belt, which the rate follows: 200 samples, two runs each. The direct Monte Carlo has 200 other values, with four runs
 each; the standard deviation of their means, less the noise of four runs, is that of the expected response. Prints both, and the widths of the
 95 % intervals.
 """
@@ -17,18 +17,18 @@ ROOT = pathlib.Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "worker/benches"))
 from farm import Farm  # noqa: E402
 
-FRICTION = "/contact/fillet_belt/static_friction"
+PARAMETER = "/equipment/belt_speed_m_s"
 BASE = {"experiment": "hopper", "product": {"count": 16, "subparticle_radius_m": 0.012},
         "equipment": {"hopper_width_m": 0.2, "side_walls": "frictionless", "gate_opening_m": 0.07},
         "numerics": {"timestep_s": "auto", "duration_s": 3}}
-RESPONSES = ["mean_rate_kg_s", "discharged_mass_kg"]
+RESPONSES = ["mean_rate_kg_s"]
 T_199 = 1.972  # Student's t at 97.5 % for 199 degrees of freedom
 
 
 def values(seed, count):
-    """Frictions that a calibration might give: 0.5 with a standard deviation of 0.1."""
+    """Speeds that are as uncertain as a calibrated parameter: 0.3 m/s with a standard deviation of 0.03."""
     chance = random.Random(seed)
-    return [chance.gauss(0.5, 0.1) for _ in range(count)]
+    return [chance.gauss(0.3, 0.03) for _ in range(count)]
 
 
 def points(farm, sweep):
@@ -42,18 +42,21 @@ def main():
         farm.workers = [farm.worker("worker")]
         common = {"base": BASE, "design": {"kind": "grid"}}
         drawn = farm.submit({**common, "name": "drawn", "factors": [], "replicates": 400,
-                             "posterior": {"parameters": [FRICTION], "samples": [[value] for value in values(1, 200)]}})
+                             "posterior": {"parameters": [PARAMETER], "samples": [[value] for value in values(1, 200)]}})
         fixed = farm.submit({**common, "name": "fixed", "factors": [], "replicates": 400,
-                             "posterior": {"parameters": [FRICTION], "samples": [[0.5]], "runs_per_sample": 400}})
-        direct = farm.submit({"base": {**BASE, "seed": 10_000}, "name": "direct", "replicates": 4,
-                              "design": {"kind": "list", "rows": [[value] for value in values(2, 200)]},
-                              "factors": [{"pointer": FRICTION}]})
-        [drawn], [fixed], direct = points(farm, drawn), points(farm, fixed), points(farm, direct)
+                             "posterior": {"parameters": [PARAMETER], "samples": [[0.3]], "runs_per_sample": 400}})
+        # With seeds of their own: common seeds would hide a part of the noise of the means.
+        direct = farm.submit({**common, "base": {**BASE, "seed": 10_000}, "name": "direct", "factors": [], "replicates": 800,
+                              "posterior": {"parameters": [PARAMETER], "samples": [[value] for value in values(2, 200)],
+                                            "runs_per_sample": 4}})
+        [drawn], [fixed] = points(farm, drawn), points(farm, fixed)
+        farm.wait(direct)
+        trials = farm.trials(direct)
         for name in RESPONSES:
             row, plain = drawn["responses"][name], fixed["responses"][name]
-            groups = [point["responses"][name] for point in direct if point["responses"][name]["n"] == 4]
-            noise = statistics.fmean(group["standard_deviation"] ** 2 for group in groups) / 4
-            means = [group["mean"] for group in groups]
+            groups = [[trial["responses"][name] for trial in trials if trial["replicate"] // 4 == sample] for sample in range(200)]
+            noise = statistics.fmean(statistics.variance(group) for group in groups) / 4
+            means = [statistics.fmean(group) for group in groups]
             between = statistics.variance(means)
             expected = max(between - noise, 0) ** 0.5
             width = row["high_95"] - row["low_95"]
