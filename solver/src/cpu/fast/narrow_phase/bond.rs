@@ -6,14 +6,15 @@ use crate::cpu::fast::instructions::lanes::{F, F3, Mask};
 use crate::cpu::fast::instructions::set::LaneOps;
 use crate::cpu::fast::storage::laws::PairLaws;
 use crate::cpu::fast::storage::pair_lanes::BondHistoryMut;
-use crate::physics::bond::{BondModel, NO_LENGTH_M, STRETCH_CLAMP};
+use crate::physics::bond::{BondModel, STRETCH_CLAMP};
 
-/// The tangential velocity at the bond half a step ago, in m/s; `u_t` in m/s, `stretch` in m.
+/// The tangential velocity at the bond half a step ago, in m/s; `u_t` in m/s.
 #[inline(always)]
-fn mid_step<S: LaneOps>(simd: S, pairs: &PairLanes<S>, u_t: F3<S>, stretch: F<S>) -> F3<S> {
+fn mid_step<S: LaneOps>(simd: S, pairs: &PairLanes<S>, u_t: F3<S>, dt: f32) -> F3<S> {
     let splat = |value| F::splat(simd, value);
-    let PairLanes { n, length, v_t, twist, .. } = *pairs;
-    let strain = stretch * splat(0.5) * (splat(1.0) / length.max(splat(NO_LENGTH_M)));
+    let PairLanes { n, inverse_length, v_n, v_t, twist, .. } = *pairs;
+    // Stretch of half a step, over the length.
+    let strain = v_n * splat(0.5 * dt) * inverse_length;
     let along = (u_t + (u_t - v_t)).mul_add(strain, v_t);
     (n * (twist * splat(0.5))).cross_add(u_t + v_t, along)
 }
@@ -40,7 +41,7 @@ pub(crate) fn force<S: LaneOps>(
         let pull = stored.dot(n);
         (pull, n.neg_mul_add(pull, stored), stored)
     } else {
-        let shear_rate = mid_step(simd, pairs, n.neg_mul_add(v_n, u), v_n * splat(laws.dt));
+        let shear_rate = mid_step(simd, pairs, n.neg_mul_add(v_n, u), laws.dt);
         let shear =
             shear_rate.mul_add(splat(law.k_t * laws.dt), friction::rotated_history(simd, pairs, stored));
         let e = length - F::splat_each(simd, [one.rest, two.rest]);
