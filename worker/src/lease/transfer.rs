@@ -16,7 +16,7 @@ const PART_BYTES: usize = 4 << 20;
 pub(super) const MAX_TRIES: u32 = 5;
 
 /// Time for the last upload after the worker was told to stop. The service manager kills it soon.
-pub(super) const LAST_UPLOAD: Duration = Duration::from_secs(4);
+pub(super) const LAST_UPLOAD: Duration = Duration::from_secs(3);
 
 /// Sends the parts of a whole of so many bytes, from where the server asks. `put` sends at most so many bytes from an offset on.
 pub(super) async fn send<F>(
