@@ -3,8 +3,8 @@
 
     python3 docs/data/calibration_coverage.py ROOST FOLDER [REPETITIONS] [MAX_RUNS]
 
-Each repetition draws four parameters from their priors, simulates the tests slide, bend and compress with them, adds the noise of a
-laboratory with five replicates, and runs `roost study run` on these measurements. It prints how often the 95 % intervals hold the true
+Each repetition draws four parameters from their priors, and simulates the tests slide, bend and compress with them: five replicates, as of
+five fillets, with seeds and noise of their own. It runs `roost study run` on these measurements. It prints how often the 95 % intervals hold the true
 parameters, and writes a row per repetition to FOLDER/coverage.csv. Repetitions that are in this table are not run again.
 """
 
@@ -54,23 +54,23 @@ def scenario(test, truth):
     return document
 
 
-def simulated(roost, folder, test, truth):
+def simulated(roost, folder, test, truth, seed):
     """Responses of a run with the true parameters, by name."""
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{test}.json"
-    path.write_text(json.dumps({**scenario(test, truth), "seed": 12345}))
-    subprocess.run([roost, "run", path, "-o", folder / f"{test}-out"], check=True, capture_output=True)
-    return json.loads((folder / f"{test}-out" / "result.json").read_text())["responses"]
+    path = folder / f"{test}-{seed}.json"
+    path.write_text(json.dumps({**scenario(test, truth), "seed": seed}))
+    out = folder / f"{test}-{seed}-out"
+    subprocess.run([roost, "run", path, "-o", out], check=True, capture_output=True)
+    return json.loads((out / "result.json").read_text())["responses"]
 
 
-def study(chance, truth_responses, max_runs, name):
-    """The study of one repetition, with noisy measurements."""
+def study(chance, replicates, max_runs, name):
+    """The study of one repetition, with noisy measurements of the simulated replicates."""
     tests = []
     for test, base in TESTS.items():
         responses = []
         for _, response, share in (row for row in MEASURED if row[0] == test):
-            true = truth_responses[test][response]
-            values = [true * (1 + share * chance.gauss(0, 1)) for _ in range(REPLICATES)]
+            values = [run[response] * (1 + share * chance.gauss(0, 1)) for run in replicates[test]]
             unit = "deg" if response.endswith("_deg") else "Pa"
             responses.append({"response": response, "unit": unit, "values": values})
         tests.append({"name": test, "scenario": base, "measured": {"responses": responses}})
@@ -92,12 +92,13 @@ def main():
         while True:
             truth = [draw(chance, parameter) for parameter in PARAMETERS]
             place = folder / f"truth-{repetition}"
-            responses = {test: simulated(roost, place, test, truth) for test in TESTS}
-            numbers = [responses[test].get(response) for test, response, _ in MEASURED]
+            seeds = [12345 + REPLICATES * repetition + replicate for replicate in range(REPLICATES)]
+            replicates = {test: [simulated(roost, place, test, truth, seed) for seed in seeds] for test in TESTS}
+            numbers = [run.get(response) for test, response, _ in MEASURED for run in replicates[test]]
             if all(isinstance(number, (int, float)) and math.isfinite(number) and number > 0 for number in numbers):
                 break
         path = folder / f"study-{repetition}.json"
-        path.write_text(json.dumps(study(chance, responses, max_runs, f"repetition {repetition}")))
+        path.write_text(json.dumps(study(chance, replicates, max_runs, f"repetition {repetition}")))
         out = folder / f"study-{repetition}"
         subprocess.run([roost, "study", "run", path, "-o", out], check=True, capture_output=True)
         answer = json.loads((out / "answer.json").read_text())
