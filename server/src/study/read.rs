@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use super::{Present, Study, calibration, measures, ranges};
 use crate::document::{fault, read_leniently};
 use crate::measurements::Lab;
-use crate::sweep::{self, Expansion, Points, Posterior, SweepLimits};
+use crate::sweep::{self, Expansion, Points, Posterior, SweepLimits, is_whole};
 
 /// Number of combinations of ends and levels up to which all of them are checked.
 const ALL_CORNERS: usize = 64;
@@ -174,13 +174,6 @@ fn of_question(found: roost_design::Fault) -> Fault {
     fault(&pointer, found.value, &found.detail, &found.allowed)
 }
 
-/// Whether one of its fields has whole numbers.
-fn is_whole(factor: &Factor) -> bool {
-    let kind = |pointer: &str| fields::find(pointer).map(|field| field.kind);
-    let is_whole = |kind| matches!(kind, FieldKind::Integer(_) | FieldKind::NullableInteger(_));
-    factor.fields().into_iter().filter_map(kind).any(is_whole)
-}
-
 /// Checks that factors are ranges of numbers, or lists of levels.
 fn check_factors(spec: &StudySpec, faults: &mut Vec<Fault>) {
     let complete = scenario::from_value(&spec.base).map(|base| json!(base)).unwrap_or_default();
@@ -216,8 +209,8 @@ fn check_factors(spec: &StudySpec, faults: &mut Vec<Fault>) {
                         | FieldKind::Integer(_)
                         | FieldKind::NullableInteger(_)
                 ),
-                // A field that does not exist has a fault of its own.
-                None => complete.pointer(pointer).is_none(),
+                // A part of a list, such as the height of a surface. A field that does not exist has a fault of its own.
+                None => complete.pointer(pointer).is_none_or(Value::is_number),
             };
             if pointer == SEED {
                 let detail = "a study chooses the seed of each run itself";

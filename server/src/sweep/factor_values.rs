@@ -129,10 +129,17 @@ fn number_range(
             }
         }
     }
-    let is_integer = |kind| matches!(kind, FieldKind::Integer(_) | FieldKind::NullableInteger(_));
-    let is_whole = fields.iter().any(|field| is_integer(field.kind))
-        || factor.fields().iter().any(|field| is_count(field));
+    let is_whole = is_whole(factor);
     (faults.len() == before).then_some(NumberRange { low, high, scale, is_whole })
+}
+
+/// Whether one of the factor's fields has whole numbers.
+pub(crate) fn is_whole(factor: &Factor) -> bool {
+    let is_integer = |pointer: &str| {
+        let kind = fields::find(pointer).map(|field| field.kind);
+        matches!(kind, Some(FieldKind::Integer(_) | FieldKind::NullableInteger(_)))
+    };
+    factor.fields().into_iter().any(|pointer| is_integer(pointer) || is_count(pointer))
 }
 
 /// Whether a pointer names one number of a list of counts.

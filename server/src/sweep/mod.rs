@@ -40,6 +40,7 @@ pub(crate) use differences::differences;
 pub(crate) use effects::{Effects, MAX_EFFECTS_BYTES};
 use expand::expand;
 pub(crate) use extend::{AddedPoints, StoredSweep, check_samples, extend, replicate};
+pub(crate) use factor_values::is_whole;
 pub(crate) use points::{Point, Points, Trial};
 pub use posterior::posterior_columns;
 pub(crate) use posterior::{Posterior, runs_per_sample};

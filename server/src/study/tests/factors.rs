@@ -78,6 +78,7 @@ fn whole_numbers_and_words_are_values_of_runs() {
                 replicate: trial.replicate,
                 seed: trial.scenario.seed,
                 factors,
+                parameters: Map::new(),
                 state: JobState::Succeeded,
                 failure_class: None,
                 backend: None,
@@ -114,6 +115,29 @@ fn every_level_is_checked_with_the_rules_of_the_scenario() {
         pointer == "/factors/1/levels" && detail.starts_with("/equipment/side_walls has levels"),
         "{detail}"
     );
+}
+
+/// The gate of a CAD hopper is a plate: a factor lifts it, together with the declared opening.
+#[test]
+fn a_part_of_a_list_has_a_range() {
+    let mut document = document(boundary());
+    let plate = |name: &str, height: f64| json!({"name": name, "plate_m": [[0, -0.1, 0], [0, 0.2, 0], [0, 0, 0.4]], "position_m": [0, 0, height]});
+    let belt = json!({"name": "belt", "kind": "belt", "motion": "belt", "velocity_m_s": [0.2, 0, 0],
+                      "plate_m": [[-0.4, -0.3, 0], [1.4, 0, 0], [0, 0.6, 0]]});
+    document["base"]["equipment"] = json!({"parametric": false, "opening_width_m": 0.2, "opening_height_m": 0.05,
+        "surfaces": [plate("gate", 0.05), belt]});
+    document["factors"] = json!([{"pointers": ["/equipment/opening_height_m", "/equipment/surfaces/0/position_m/2"], "low": 0.03, "high": 0.12}]);
+    let limits = SweepLimits { max_jobs: 1000, scenario: Limits::NONE };
+    let (study, _) = read(document.clone(), &Meshes::default(), limits).unwrap();
+    let decided = study.decide(&[], &[], 4).unwrap();
+    for trial in &decided.trials {
+        let scenario = json!(trial.scenario);
+        let height = scenario.pointer("/equipment/surfaces/0/position_m/2").unwrap();
+        assert_eq!(scenario.pointer("/equipment/opening_height_m"), Some(height));
+        assert!((0.03..=0.12).contains(&height.as_f64().unwrap()), "{height}");
+    }
+    document["factors"][0]["pointers"][1] = json!("/equipment/surfaces/0/position_m");
+    assert!(read_faults(document).iter().any(|(_, detail)| detail.contains("no number and has no range")));
 }
 
 #[test]
@@ -164,6 +188,7 @@ fn a_crossing_of_whole_numbers_lies_between_two_of_them() {
                 replicate: trial.replicate,
                 seed: trial.scenario.seed,
                 factors,
+                parameters: Map::new(),
                 state: JobState::Succeeded,
                 failure_class: None,
                 backend: None,

@@ -55,6 +55,7 @@ fn play(goal: Value) -> (Vec<TrialRow>, Value, Vec<String>) {
                 backend: None,
                 solver_revision: None,
                 factors,
+                parameters: Map::new(),
                 responses: json!({"mean_rate_kg_s": rate}).as_object().unwrap().clone(),
             });
         }

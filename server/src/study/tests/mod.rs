@@ -66,6 +66,7 @@ fn trials(
             replicate: trial.replicate,
             seed: trial.scenario.seed,
             factors,
+            parameters: Map::new(),
             state,
             failure_class: (state == JobState::Failed).then_some(FailureClass::Unstable),
             backend: None,
