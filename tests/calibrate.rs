@@ -68,6 +68,14 @@ fn measurements_become_parameters_that_a_sweep_draws() {
     assert!(number("high_95") - number("low_95") > 3.0 * number("input_deviation"), "{row:#}");
     let table = stdout(&sandbox.roost(&["results", id, "--by", "point", "--format", "csv"]));
     assert!(table.lines().next().unwrap().contains("critical_angle_deg.input_deviation"), "{table}");
+    // Two replicates in a row have the same friction, and a trial says with which.
+    let trials = sandbox.get(&format!("/v1/sweeps/{id}/results"))["trials"].clone();
+    let drawn: Vec<f64> =
+        (0..4).map(|trial| trials[trial]["parameters"][FRICTION].as_f64().unwrap()).collect();
+    assert!(drawn[0] == drawn[1] && drawn[2] == drawn[3] && drawn[0] != drawn[2], "{drawn:?}");
+    let table = stdout(&sandbox.roost(&["results", id, "--format", "csv"]));
+    assert!(table.lines().next().unwrap().contains(FRICTION), "{table}");
+    assert!(table.contains(&drawn[2].to_string()), "{table}");
 }
 
 #[test]

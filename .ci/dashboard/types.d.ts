@@ -69,7 +69,7 @@ declare global {
   type SensitivityFinding = { measures: { of: StudyMeasure; effects: { sobol: SobolIndices[] } | { morris: MorrisEffects[] } | null }[] };
   type CalibrateInterval = { mean: number; low: number; high: number };
   type ParameterEstimate = { parameter: string; estimate: CalibrateInterval; best: number; remaining: number };
-  type TargetAgreement = { target: { test: string; of: StudyMeasure; mean: number; deviation: number; n: number }; simulated: CalibrateInterval | null; distance: number | null };
+  type TargetAgreement = { target: { test: string; of: StudyMeasure; mean: number; deviation: number; n: number; curve?: { name: string; at: number } }; simulated: CalibrateInterval | null; distance: number | null };
   type CalibrateFinding = { parameters: ParameterEstimate[]; samples: number[][]; targets: TargetAgreement[] };
   type Finding = { calibrate: CalibrateFinding } | { estimate: { points: PointEstimate[] } } | { boundary: BoundaryFinding } | { optimise: OptimiseFinding } | { sensitivity: SensitivityFinding };
   /** A factor of a study; `pointer` is that of its first field. */

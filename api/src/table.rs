@@ -24,6 +24,10 @@ pub struct TrialRow {
     /// Levels by JSON pointer.
     #[schema(value_type = Object)]
     pub factors: Map<String, Value>,
+    /// Parameters that the trial drew from a posterior, by JSON pointer; left out in any other sweep.
+    #[serde(default, skip_serializing_if = "Map::is_empty")]
+    #[schema(value_type = Object)]
+    pub parameters: Map<String, Value>,
     /// State of the job.
     pub state: JobState,
     /// Why it failed.

@@ -71,7 +71,7 @@ export function timeRange({ earliest, latest }) {
  * The last part of a name that has this unit: `_kg_m3` for kg/m³.
  * @param {string} unit
  */
-const unitSuffix = (unit) => `_${unit.toLowerCase().replace("°", "deg").replace("²", "2").replace("³", "3").replaceAll("/", "_")}`;
+export const unitSuffix = (unit) => `_${unit.toLowerCase().replace("°", "deg").replace("²", "2").replace("³", "3").replaceAll("/", "_")}`;
 
 /**
  * The label of a name with its unit: `gate_opening_m` in m gives "gate opening (m)".

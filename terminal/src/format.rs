@@ -75,7 +75,8 @@ pub fn factor_names<S: AsRef<str>>(pointers: &[S]) -> Vec<String> {
 }
 
 /// A response over the replicates of a design point: `4.21 ± 0.2` (the 95 % interval), or words with their counts.
-/// The mean of an indicator is a share: `3 of 12 (9 to 53 %)`.
+/// The mean of an indicator is a share: `3 of 12 (9 to 53 %)`. Where replicates drew parameters from a posterior, the deviations by
+/// parameters and by chance follow.
 pub fn summary(summary: &Summary, is_indicator: bool) -> String {
     if let (true, Some(mean), Some(low), Some(high)) =
         (is_indicator, summary.mean, summary.low_95, summary.high_95)
@@ -89,7 +90,13 @@ pub fn summary(summary: &Summary, is_indicator: bool) -> String {
         return counted.collect::<Vec<_>>().join(", ");
     }
     match (summary.mean, summary.high_95) {
-        (Some(mean), Some(high)) => format!("{} ± {}", significant(mean), two_digits(high - mean)),
+        (Some(mean), Some(high)) => {
+            let deviations = summary.input_deviation.zip(summary.chance_deviation);
+            let deviations = deviations.map(|(input, chance)| {
+                format!(" (input {}, chance {})", two_digits(input), two_digits(chance))
+            });
+            format!("{} ± {}{}", significant(mean), two_digits(high - mean), deviations.unwrap_or_default())
+        }
         (Some(mean), None) => significant(mean),
         (None, _) => "–".to_owned(),
     }
@@ -158,6 +165,8 @@ mod tests {
         assert_eq!(text(json!({"n": 3, "mean": 4.2131, "low_95": 4.0, "high_95": 4.4262})), "4.213 ± 0.21");
         assert_eq!(text(json!({"n": 1, "mean": 40.0})), "40");
         assert_eq!(text(json!({"n": 0})), "–");
+        let drawn = json!({"n": 8, "mean": 4.2, "low_95": 4.0, "high_95": 4.4, "input_deviation": 0.15, "chance_deviation": 0.05});
+        assert_eq!(text(drawn), "4.2 ± 0.2 (input 0.15, chance 0.05)");
         let share = json!({"n": 12, "mean": 0.25, "low_95": 0.0889, "high_95": 0.5323});
         assert_eq!(summary(&serde_json::from_value(share).unwrap(), true), "3 of 12 (9 to 53 %)");
         assert_eq!(summary(&Summary::default(), true), "–");

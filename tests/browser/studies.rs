@@ -10,6 +10,7 @@ use super::{audit_pages, text};
 const GATE: &str = "/equipment/gate_opening_m";
 const BELT: &str = "/equipment/belt_speed_m_s";
 const STIFFNESS: &str = "/bonds/normal_stiffness_n_m3";
+const SHEAR: &str = "/bonds/shear_stiffness_n_m3";
 const STRAIN_RATE: &str = "/compress/strain_rate_1_s";
 
 /// A hopper with two fillets, which is soon empty or jammed.
@@ -258,4 +259,44 @@ fn pictures_of_boundaries_optima_and_sensitivities_match_their_answers() {
     }
     let paths: Vec<String> = [one, two, best, matter].iter().map(|id| format!("/studies/{id}")).collect();
     audit_pages(&mut page, &paths.iter().map(String::as_str).collect::<Vec<_>>());
+}
+
+#[test]
+fn pictures_of_a_calibration_match_its_answer() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let _worker = sandbox.start_worker("bench");
+    let mut page = Page::new(&sandbox.address);
+    page.open("/studies");
+    let points = json!([{"x": 0.02, "mean": 250.0, "deviation": 20.0, "n": 4}, {"x": 0.06, "mean": 800.0, "deviation": 60.0, "n": 4}]);
+    let measured = json!({
+        "responses": [{"response": "modulus_pa", "unit": "kPa", "mean": 12.0, "deviation": 1.0, "n": 4}],
+        "curves": [{"x": "strain", "y": "stress", "y_unit": "Pa", "points": points}],
+    });
+    let lab = json!({"name": "lab", "tests": [{"name": "block", "scenario": block(), "measured": measured}]});
+    let goal = json!({"calibrate": {"measurements": lab}});
+    let factors = [factor(STIFFNESS, 1e6, 4e6), factor(SHEAR, 2e5, 2e6)];
+    let id = submit(&mut page, "stiffness of a block", &Value::Null, &factors, &goal, 40);
+    let title = "Simulated and measured curves";
+    let found = finished(&sandbox, &mut page, &id, title)["calibrate"].clone();
+    let traces: Vec<Value> = page.value("find.plot('Parameters')");
+    let samples = traces.iter().find(|one| one["type"] == "scatter" && one["name"].is_null()).unwrap();
+    assert_eq!(numbers(&samples["x"]), column(&found["samples"], "/0"));
+    assert_eq!(numbers(&samples["y"]), column(&found["samples"], "/1"));
+    let best = trace(&mut page, "Parameters", "most probable set");
+    assert_eq!(numbers(&best["x"]), [found["parameters"][0]["best"].as_f64().unwrap()]);
+
+    let targets = found["targets"].as_array().unwrap();
+    let is_point = |target: &&Value| target["target"]["curve"].is_object();
+    let (of_curve, others): (Vec<&Value>, Vec<&Value>) = targets.iter().partition(is_point);
+    assert_eq!((of_curve.len(), others.len()), (2, 1));
+    let number = trace(&mut page, "Simulated and measured", "simulated, 95 %");
+    let mean = |target: &Value| target["simulated"]["mean"].as_f64().unwrap();
+    assert_eq!(numbers(&number["x"]), [mean(others[0]) / 12_000.0]);
+    let simulated = trace(&mut page, title, "simulated, 95 %");
+    assert_eq!(numbers(&simulated["x"]), [0.02, 0.06]);
+    assert_eq!(numbers(&simulated["y"]), [mean(of_curve[0]), mean(of_curve[1])]);
+    let measured = trace(&mut page, title, "measured, mean ± 2 standard errors");
+    assert_eq!((numbers(&measured["y"]), numbers(&measured["up"])), (vec![250.0, 800.0], vec![20.0, 60.0]));
+    audit_pages(&mut page, &[&format!("/studies/{id}")]);
 }

@@ -1,12 +1,14 @@
 //! Posteriors of calibrations: a submitted document names a study, and gets the samples of its answer as they are at that moment.
 
 use roost_api::ids::SweepId;
+use roost_api::sweep::SweepSpec;
 use serde_json::{Value, json};
 
 use super::problem::ApiError;
 use crate::document::fault;
+use crate::queue::Refusal;
 use crate::state::App;
-use crate::sweep::posterior_columns;
+use crate::sweep::{Posterior, posterior_columns};
 
 /// Fills in the samples of the study that `posterior` names. Other documents, and other forms of it, stay as they are.
 ///
@@ -35,4 +37,12 @@ pub(super) async fn fill_in(app: &App, document: &mut Value) -> Result<(), ApiEr
     let factors: Vec<Vec<&str>> = spec.factors.iter().map(|factor| factor.fields()).collect();
     draws.extend(posterior_columns(&factors, &samples));
     Ok(())
+}
+
+/// The samples that the trials of a sweep draw; none if it has no posterior.
+pub(super) async fn of_sweep(app: &App, id: SweepId) -> Result<Option<Posterior>, ApiError> {
+    let text = app.store.sweep_spec(id).await?.ok_or(Refusal::NoSweep)?;
+    // What was stored is read again: it was checked when it was submitted.
+    let spec: Option<SweepSpec> = serde_json::from_str(&text).ok();
+    Ok(spec.and_then(|spec| Posterior::of(&spec.posterior?)))
 }

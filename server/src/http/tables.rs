@@ -19,12 +19,13 @@ use utoipa::{IntoParams, ToSchema};
 use super::blocking::run_blocking;
 use super::extract::{Params, Segments};
 use super::page::{RowRange, link_to_next, rows_schema};
+use super::posteriors;
 use super::problem::{ApiError, ProblemKind};
 use super::sweeps::view;
 use crate::queue::Refusal;
 use crate::state::App;
 use crate::store::{Subject, TrialPlace};
-use crate::sweep;
+use crate::sweep::{self, Posterior};
 
 /// Maximum of trials in memory.
 const CHUNK: u32 = 500;
@@ -122,8 +123,11 @@ pub(crate) async fn table(
         }
     };
     let (drawn, is_drawn) = (sweep.runs_per_sample, sweep.runs_per_sample.is_some());
-    let columns = Columns { factors: sweep.factors.clone(), responses, selected, is_drawn };
-    let rows = TableRows { app, id, by_point, replicates: sweep.replicates, runs_per_sample: drawn, range };
+    let posterior = if is_drawn && !by_point { posteriors::of_sweep(&app, id).await? } else { None };
+    let parameters = posterior.iter().flat_map(|samples| samples.parameters()).cloned().collect();
+    let columns = Columns { factors: sweep.factors.clone(), parameters, responses, selected, is_drawn };
+    let replicates = sweep.replicates;
+    let rows = TableRows { app, id, by_point, replicates, runs_per_sample: drawn, posterior, range };
     let mut response = match query.format {
         TableFormat::Json => stream_table(
             json_head(&sweep, by_point)?,
@@ -179,6 +183,8 @@ pub(super) struct TableRows {
     replicates: u32,
     /// Replicates in a row that have the same parameters, if these come from a posterior.
     runs_per_sample: Option<u32>,
+    /// The samples that trials drew, for rows of trials.
+    posterior: Option<Posterior>,
     range: RowRange,
 }
 
@@ -187,7 +193,7 @@ impl TableRows {
     pub(super) fn of_points(app: App, sweep: &SweepView) -> Result<Self, ApiError> {
         let range = RowRange::new(sweep.points, 1, None, None, MAX_ROWS)?;
         let (replicates, runs_per_sample) = (sweep.replicates, sweep.runs_per_sample);
-        Ok(Self { app, id: sweep.id, by_point: true, replicates, runs_per_sample, range })
+        Ok(Self { app, id: sweep.id, by_point: true, replicates, runs_per_sample, posterior: None, range })
     }
 
     /// All trials of the next chunk of design points; none after the last.
@@ -208,13 +214,19 @@ impl TableRows {
             return run_blocking(move || Some(Chunk::Points(sweep::by_point(&trials, drawn)))).await;
         }
         let Some((place, rows)) = self.range.take(CHUNK) else { return Ok(None) };
-        Ok(Some(Chunk::Trials(self.app.store.trials_from(self.id, place, rows).await?)))
+        let mut trials = self.app.store.trials_from(self.id, place, rows).await?;
+        if let Some(posterior) = &self.posterior {
+            trials.iter_mut().for_each(|trial| trial.parameters = posterior.drawn(trial.replicate));
+        }
+        Ok(Some(Chunk::Trials(trials)))
     }
 }
 
 /// The columns of a table.
 struct Columns {
     factors: Vec<String>,
+    /// Pointers of the parameters that trials drew from a posterior.
+    parameters: Vec<String>,
     responses: Vec<sweep::Response>,
     /// Names of the selected responses; none selects all.
     selected: Option<Vec<String>>,
@@ -225,7 +237,7 @@ struct Columns {
 impl Columns {
     fn of(&self, chunk: &Chunk) -> Vec<sweep::Column> {
         match chunk {
-            Chunk::Trials(trials) => sweep::of_trials(&self.factors, &self.responses, trials),
+            Chunk::Trials(trials) => sweep::of_trials(&self.factors, &self.parameters, &self.responses, trials),
             Chunk::Points(points) => sweep::of_points(&self.factors, &self.responses, points, self.is_drawn),
         }
     }

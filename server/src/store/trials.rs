@@ -152,6 +152,7 @@ fn trial(row: &SqliteRow) -> Result<TrialRow, StoreError> {
         replicate: row.number("replicate")?,
         seed: row.number("seed")?,
         factors: row.json("levels")?,
+        parameters: serde_json::Map::new(),
         state: row.parsed("state")?,
         failure_class: row.parsed_opt("failure_class")?,
         backend: row.column("backend")?,

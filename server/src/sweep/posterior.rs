@@ -44,6 +44,17 @@ impl Posterior {
         (replicate / self.runs_per_sample) as usize % self.samples.len()
     }
 
+    /// The pointers of the parameters.
+    pub(crate) fn parameters(&self) -> &[String] {
+        &self.parameters
+    }
+
+    /// The parameters of a replicate, by pointer.
+    pub(crate) fn drawn(&self, replicate: u32) -> Map<String, Value> {
+        let sample = &self.samples[self.index(replicate)];
+        self.parameters.iter().cloned().zip(sample.iter().map(|value| json!(value))).collect()
+    }
+
     /// The index of the sample of a run that has no replicates beside it, by its seed.
     pub(crate) fn index_of_seed(&self, seed: u64) -> usize {
         (seed % self.samples.len() as u64) as usize

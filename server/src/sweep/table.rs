@@ -70,8 +70,13 @@ pub(crate) struct Response {
     pub(crate) has_words: bool,
 }
 
-/// One row per trial: identifiers, factors in the order of the sweep, outcome, responses.
-pub(crate) fn of_trials(factors: &[String], responses: &[Response], trials: &[TrialRow]) -> Vec<Column> {
+/// One row per trial: identifiers, factors in the order of the sweep, parameters drawn from a posterior, outcome, responses.
+pub(crate) fn of_trials(
+    factors: &[String],
+    parameters: &[String],
+    responses: &[Response],
+    trials: &[TrialRow],
+) -> Vec<Column> {
     let each = |of: fn(&TrialRow) -> Value| trials.iter().map(of);
     let mut columns = vec![
         Column::new("job_id", ColumnKind::Text, each(|trial| json!(trial.job_id))),
@@ -81,6 +86,9 @@ pub(crate) fn of_trials(factors: &[String], responses: &[Response], trials: &[Tr
     ];
     columns.extend(factors.iter().map(|name| {
         Column::of(name, trials.iter().map(|trial| trial.factors.get(name).cloned().unwrap_or_default()))
+    }));
+    columns.extend(parameters.iter().map(|name| {
+        Column::of(name, trials.iter().map(|trial| trial.parameters.get(name).cloned().unwrap_or_default()))
     }));
     columns.extend([
         Column::new("state", ColumnKind::Text, each(|trial| json!(trial.state))),

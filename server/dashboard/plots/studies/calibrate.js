@@ -1,17 +1,19 @@
 // @ts-check
-// A calibration: samples of the parameters in pairs, and simulated against measured numbers.
+// A calibration: samples of the parameters in pairs, and simulated against measured numbers and curves.
 
 import { number } from "../../format.js";
 import { table } from "../../parts.js";
-import { colour, panel } from "../plot.js";
+import { colour, panel, transparent } from "../plot.js";
 
 /** @param {import("./pictures.js").PictureInput} input */
-export function calibratePictures({ factors }) {
+export function calibratePictures({ factors, axisLabel }) {
   const samples = panel("Parameters", { is_wide: true, size: "tall-plot", empty_text: "Too few runs have ended." });
   const compared = panel("Simulated and measured", { is_wide: true, empty_text: "Too few runs have ended." });
+  const curves = panel("Simulated and measured curves", { is_wide: true, empty_text: "No curve was measured, or too few runs have ended." });
   return [
     { card: samples.card, draw: (/** @type {CalibrateFinding} */ found) => samples.draw(() => (found.parameters.length > 0 ? samplesPlot(found, factors) : null)) },
     { card: compared.card, draw: (/** @type {CalibrateFinding} */ found) => compared.draw(() => (found.targets.some((row) => row.simulated) ? comparedPlot(found) : null)) },
+    { card: curves.card, draw: (/** @type {CalibrateFinding} */ found) => curves.draw(() => (curvesOf(found).length > 0 ? curvesPlot(curvesOf(found), axisLabel) : null)) },
   ];
 }
 
@@ -51,7 +53,7 @@ function samplesPlot({ parameters, samples }, factors) {
 /** @param {CalibrateFinding} found @returns {Plot} */
 function comparedPlot({ targets }) {
   const title = (/** @type {TargetAgreement} */ { target }) => `${target.test}: ${Object.values(target.of)[0]}`;
-  const rows = targets.filter(({ simulated, target }) => simulated && target.mean !== 0), y = rows.map(title);
+  const rows = targets.filter(({ simulated, target }) => simulated && target.mean !== 0 && !target.curve), y = rows.map(title);
   const bars = (/** @type {number[]} */ width, thickness = 2) => ({ type: "data", array: width, thickness, width: 0 });
   const relative = rows.map(({ simulated, target }) => ["mean", "low", "high"].map((name) => /** @type {any} */ (simulated)[name] / target.mean));
   return {
@@ -65,5 +67,49 @@ function comparedPlot({ targets }) {
       { title: "Simulated", is_number: true, cell: ({ simulated }) => number(simulated?.mean ?? null) }, { title: "95 % interval", is_number: true, cell: ({ simulated }) => (simulated ? `${number(simulated.low)} to ${number(simulated.high)}` : "–") },
       { title: "Distance in standard deviations", is_number: true, cell: ({ distance }) => number(distance) },
     ], targets),
+  };
+}
+
+/**
+ * The curves that were measured and simulated: the points of each, along it.
+ * @param {CalibrateFinding} found @returns {TargetAgreement[][]}
+ */
+function curvesOf({ targets }) {
+  const /** @type {Map<string, TargetAgreement[]>} */ curves = new Map();
+  for (const point of targets.filter(({ target, simulated }) => target.curve && simulated)) {
+    const name = `${point.target.test}: ${point.target.curve?.name}`;
+    curves.set(name, [...(curves.get(name) ?? []), point]);
+  }
+  return [...curves.values()].map((curve) => curve.sort((one, other) => placeOf(one) - placeOf(other)));
+}
+
+/** @param {TargetAgreement} of */
+const placeOf = ({ target }) => target.curve?.at ?? 0;
+
+/**
+ * A plot for each curve, side by side: measured points with the simulated band.
+ * @param {TargetAgreement[][]} curves @param {(name: string) => string} axisLabel @returns {Plot}
+ */
+function curvesPlot(curves, axisLabel) {
+  const /** @type {any[]} */ traces = [], /** @type {Record<string, any>} */ axes = {}, columns = Math.min(2, curves.length), rows = Math.ceil(curves.length / columns);
+  curves.forEach((curve, index) => {
+    const end = index === 0 ? "" : String(index + 1), axis = { xaxis: `x${end}`, yaxis: `y${end}`, x: curve.map(placeOf) }, [of, along] = (curve[0].target.curve?.name ?? "").split("@");
+    const simulated = (/** @type {"mean" | "low" | "high"} */ name) => curve.map((point) => point.simulated?.[name]);
+    const band = { ...axis, type: "scatter", mode: "lines", line: { width: 0 }, showlegend: false, hoverinfo: "skip" };
+    traces.push({ ...band, y: simulated("low") }, { ...band, y: simulated("high"), fill: "tonexty", fillcolor: transparent(colour("c0"), 0.25) });
+    traces.push({ ...axis, type: "scatter", mode: "lines", name: "simulated, 95 %", y: simulated("mean"), line: { color: colour("c0") }, showlegend: index === 0 });
+    traces.push({ ...axis, type: "scatter", mode: "markers", name: "measured, mean ± 2 standard errors", y: curve.map(({ target }) => target.mean), marker: { color: colour("c1"), size: 9 },
+      error_y: { type: "data", array: curve.map(({ target }) => (2 * target.deviation) / Math.sqrt(target.n)), color: colour("c1") }, showlegend: index === 0 });
+    const column = index % columns, row = Math.floor(index / columns), gap = 0.07;
+    axes[`xaxis${end}`] = { domain: [column / columns + (column && gap), (column + 1) / columns - (column < columns - 1 ? gap / 2 : 0)], anchor: axis.yaxis, title: { text: axisLabel(along) } };
+    axes[`yaxis${end}`] = { domain: [1 - (row + 1) / rows + gap, 1 - row / rows - gap / 2], anchor: axis.xaxis, title: { text: `${curve[0].target.test}: ${axisLabel(of)}` } };
+  });
+  return {
+    traces, layout: { ...axes, height: 80 + 300 * rows },
+    table: () => table("Points of the curves", [
+      { title: "Test", cell: ({ target }) => target.test }, { title: "Quantity", cell: ({ target }) => axisLabel((target.curve?.name ?? "").split("@")[0]) }, { title: "At", is_number: true, cell: (row) => number(placeOf(row)) },
+      { title: "Measured", is_number: true, cell: ({ target }) => number(target.mean) }, { title: "Simulated", is_number: true, cell: ({ simulated }) => number(simulated?.mean ?? null) },
+      { title: "95 % interval", is_number: true, cell: ({ simulated }) => (simulated ? `${number(simulated.low)} to ${number(simulated.high)}` : "–") },
+    ], curves.flat()),
   };
 }

@@ -1,7 +1,7 @@
 // @ts-check
 // Names, intervals and marks that the pictures of studies share.
 
-import { labelOf, number } from "../../format.js";
+import { labelOf, number, unitSuffix } from "../../format.js";
 import { responseRow } from "../../outputs.js";
 import { colour } from "../plot.js";
 
@@ -17,6 +17,16 @@ const MAX_SIZE = 22, MIN_SIZE = 6;
 export function measureLabel(of, outputs) {
   if ("probability" in of) return `probability of ${of.probability.replaceAll("_", " ")}`;
   return `mean of ${labelOf(of.mean, responseRow(outputs, of.mean)?.unit)}`;
+}
+
+/**
+ * The label of an axis of a curve or series, such as `stress_pa`.
+ * @param {string} name @param {OutputTable} outputs
+ */
+export function axisLabel(name, { curves, series }) {
+  const axes = [...curves.flatMap((row) => [[row.name, row.unit], [row.over, row.over_unit]]), ...series.map((row) => [row.name, row.unit]), ["time", "s"]];
+  const found = axes.find(([word, unit]) => word === name || word + unitSuffix(unit) === name);
+  return found ? labelOf(found[0], found[1]) : name.replaceAll("_", " ");
 }
 
 /**

@@ -7,7 +7,7 @@ import { pointersOf } from "../../document.js";
 import { boundaryPictures } from "./boundary.js";
 import { calibratePictures } from "./calibrate.js";
 import { estimatePictures } from "./estimate.js";
-import { measureLabel } from "./labels.js";
+import { axisLabel, measureLabel } from "./labels.js";
 import { optimisePictures } from "./optimise.js";
 import { sensitivityPictures } from "./sensitivity.js";
 
@@ -15,7 +15,7 @@ import { sensitivityPictures } from "./sensitivity.js";
  * A picture: its card, and a function that draws a finding.
  * @typedef {{ card: HTMLElement, draw: (finding: any) => unknown }} Picture
  */
-/** @typedef {{ goal: any, factors: StudyFactor[], label: (of: StudyMeasure) => string }} PictureInput */
+/** @typedef {{ goal: any, factors: StudyFactor[], label: (of: StudyMeasure) => string, axisLabel: (name: string) => string }} PictureInput */
 
 /** @type {Record<string, (input: PictureInput) => Picture[]>} */
 const BY_GOAL = { estimate: estimatePictures, boundary: boundaryPictures, optimise: optimisePictures, sensitivity: sensitivityPictures, calibrate: calibratePictures };
@@ -28,7 +28,7 @@ export function pictures({ factors, goal }, outputs) {
   const pointers = factors.map((factor) => pointersOf(factor)[0]);
   const described = factors.map((factor, i) => ({ pointer: pointers[i], label: factorLabel(pointers[i], pointers), low: factor.low ?? 0, high: factor.high ?? 1, is_log: factor.scale === "log", levels: /** @type {StudyValue[] | null} */ (factor.levels ?? null) }));
   const [[name, fields]] = Object.entries(goal);
-  const all = BY_GOAL[name]?.({ goal: fields, factors: described, label: (of) => measureLabel(of, outputs) }) ?? [];
+  const all = BY_GOAL[name]?.({ goal: fields, factors: described, label: (of) => measureLabel(of, outputs), axisLabel: (name) => axisLabel(name, outputs) }) ?? [];
   return {
     element: h("div", { class: "grid" }, all.map((one) => one.card)),
     draw: (/** @type {any} */ answer) => {

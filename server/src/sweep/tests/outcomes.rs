@@ -16,6 +16,7 @@ pub(super) fn trial(point: u32, replicate: u32, factors: Value, responses: Value
         replicate,
         seed: u64::from(replicate) + 1,
         factors: factors.as_object().unwrap().clone(),
+        parameters: Map::new(),
         state: JobState::Succeeded,
         failure_class: None,
         backend: Some("cpu".to_owned()),
@@ -244,11 +245,11 @@ fn a_parquet_file_equals_the_table() {
     };
     let responses =
         [("n", true, false), ("ok", false, true), ("t", false, false), ("y", true, false)].map(response);
-    let bytes = to_parquet(of_trials(&names, &responses, &trials)).unwrap();
+    let bytes = to_parquet(of_trials(&names, &[], &responses, &trials)).unwrap();
     for batch in [1, 2] {
-        let mut columns = of_trials(&names, &responses, &[]);
+        let mut columns = of_trials(&names, &[], &responses, &[]);
         for trials in trials.chunks(batch) {
-            let more = of_trials(&names, &responses, trials);
+            let more = of_trials(&names, &[], &responses, trials);
             columns.iter_mut().zip(more).for_each(|(column, more)| column.extend(more));
         }
         assert!(to_parquet(columns).unwrap() == bytes, "in pieces of {batch}");

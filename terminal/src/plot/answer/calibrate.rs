@@ -1,4 +1,4 @@
-//! A calibration: samples of the parameters in pairs, and simulated against measured numbers.
+//! A calibration: samples of the parameters in pairs, and simulated against measured numbers and curves.
 
 use anyhow::Result;
 use plotters::prelude::*;
@@ -10,6 +10,7 @@ use roost_design::{Factor, Scale};
 
 use super::axis::{Axis, AxisRange, chart_with, measure_value, spread};
 use super::legend::{self, Glyph};
+use super::measured_curve::{self, MeasuredCurve};
 use super::{Area, BLUE, Body, ORANGE};
 use crate::plot::{FONT, WIDTH};
 
@@ -117,10 +118,19 @@ impl Calibration<'_> {
         Ok(())
     }
 
-    /// The targets that can be drawn relative to their measured means.
+    /// The numbers that can be drawn relative to their measured means.
     fn compared(&self) -> Vec<&TargetAgreement> {
-        let is_drawn = |of: &&TargetAgreement| of.simulated.is_some() && of.target.mean != 0.0;
+        let is_drawn = |of: &&TargetAgreement| {
+            of.simulated.is_some() && of.target.mean != 0.0 && of.target.curve.is_none()
+        };
         self.found.targets.iter().filter(is_drawn).collect()
+    }
+
+    fn comparison_height(&self) -> u32 {
+        match self.compared().len() as u32 {
+            0 => 0,
+            rows => FRAME_HEIGHT + ROW_HEIGHT * rows,
+        }
     }
 
     /// Simulated and measured means, relative to the measured ones.
@@ -165,7 +175,7 @@ impl Calibration<'_> {
             let middle = (12.0 + row_height * (index as f64 + 0.5)) as i32;
             let right = NAMES_WIDTH as i32 - 8;
             let style = TextStyle::from((FONT, 13)).pos(anchor);
-            let name = format!("{}: {}", of.target.test, of.target.of.response());
+            let name = format!("{}: {}", of.target.test, Quantity::of_response(of.target.of.response()).name);
             names.draw(&Text::new(name, (right, middle - 8), style.clone()))?;
             let simulated = of.simulated.map_or(f64::NAN, |found| found.mean);
             let numbers = format!(
@@ -185,7 +195,7 @@ impl Body for Calibration<'_> {
             return 0;
         }
         let samples = self.side() * self.factors.len() as u32;
-        samples + FRAME_HEIGHT + ROW_HEIGHT * self.compared().len() as u32
+        samples + self.comparison_height() + measured_curve::height(&MeasuredCurve::all(self.found))
     }
 
     fn draw(&self, area: &Area<'_>) -> Result<()> {
@@ -209,6 +219,10 @@ impl Body for Calibration<'_> {
             ),
         ];
         legend::draw(&legend, 0, &rows)?;
-        if self.compared().is_empty() { Ok(()) } else { self.draw_comparison(&rest) }
+        let (numbers, curves) = rest.split_vertically(self.comparison_height());
+        if !self.compared().is_empty() {
+            self.draw_comparison(&numbers)?;
+        }
+        measured_curve::draw(&curves, &MeasuredCurve::all(self.found))
     }
 }

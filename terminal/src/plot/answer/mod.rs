@@ -7,6 +7,7 @@
 //! | `rows` | estimates, recommendations and sensitivities as rows with intervals |
 //! | `front` | recommendations for two objectives |
 //! | `calibrate` | samples of parameters in pairs, and simulated against measured numbers |
+//! | `measured_curve` | measured curves with the simulated ones over them |
 //! | `axis`, `legend` | parts of all |
 
 mod axis;
@@ -16,6 +17,7 @@ mod curve;
 mod front;
 mod legend;
 mod map;
+mod measured_curve;
 mod rows;
 #[cfg(test)]
 mod tests;

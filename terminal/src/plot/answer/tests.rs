@@ -24,6 +24,8 @@ fn simulate(values: &[f64], random: &mut fastrand::Rng) -> Outcome {
         ("jammed", f64::from(u8::from(random.f64() < probability))),
         ("mean_rate_kg_s", 120.0 * gate * speed * (0.8 + 0.4 * friction) + noise),
         ("curl_angle_deg", 30.0 + 60.0 * (speed - 0.3).powi(2) + 200.0 * gate + 10.0 * noise),
+        ("discharged_mass_kg@time_s=1", 100.0 * gate * speed + noise),
+        ("discharged_mass_kg@time_s=2", 210.0 * gate * speed + noise),
     ];
     Outcome::Responses(responses.map(|(name, value)| (name.to_owned(), value)).into())
 }
@@ -224,6 +226,30 @@ fn sensitivities_are_bars() {
     picture("sobol", &answer(&factors(3), goal, 400), &texts);
     let goal = json!({"sensitivity": {"of": of, "width": 0.5, "method": "morris"}});
     picture("morris", &answer(&factors(3), goal, 300), &["belt speed", "μ* of noise alone"]);
+}
+
+#[test]
+fn calibration_has_samples_numbers_and_curves() {
+    let target = |of: &str, mean: f64| json!({"test": "plant", "of": {"mean": of}, "mean": mean, "deviation": 0.05, "n": 4});
+    let on_curve = |at: f64, mean: f64| {
+        let mut point = target(&format!("discharged_mass_kg@time_s={at}"), mean);
+        point["curve"] = json!({"name": "discharged_mass_kg@time_s", "at": at});
+        point
+    };
+    let goal = json!({"calibrate": {"targets": [target("curl_angle_deg", 40.0), on_curve(1.0, 1.5), on_curve(2.0, 3.15)]}});
+    let answer = answer(&factors(2), goal, 60);
+    let texts = ["gate opening (m)", "plant: curl angle", "plant", "time (s)", "discharged mass (kg)"];
+    let drawn = picture("calibration", &answer, &texts);
+    let found = &answer.answer["finding"]["calibrate"];
+    assert_eq!(circles(&drawn, "0.25").len(), found["samples"].as_array().unwrap().len());
+    let orange = circles(&drawn, "1").into_iter().filter(|(.., radius)| *radius == 5.0).count();
+    assert_eq!(orange, 4, "simulated mean of the number, two measured points of the curve, and one in the legend");
+    let band = roxmltree::Document::parse(&drawn)
+        .unwrap()
+        .descendants()
+        .filter(|node| node.has_tag_name("polygon"))
+        .count();
+    assert_eq!(band, 1, "the simulated band of the curve");
 }
 
 #[test]
