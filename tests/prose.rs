@@ -40,8 +40,7 @@ fn pages() -> Vec<String> {
             let name = format!("{folder}/{}", entry.file_name().into_string().expect("UTF-8"));
             if entry.path().is_dir() {
                 folders.push(name);
-            } else if name.ends_with(".md") && !["docs/SUMMARY.md", "docs/proofs.md"].contains(&name.as_str())
-            {
+            } else if name.ends_with(".md") && name != "docs/SUMMARY.md" {
                 found.push(name);
             }
         }
