@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn the_lack_of_a_forecast_is_explained_once() {
+    fn missing_forecast_is_explained_once() {
         let none = |why: &str| {
             forecast(|document| {
                 document["no_forecast"] = json!(why);

@@ -79,7 +79,7 @@ fn measurements_become_parameters_that_a_sweep_draws() {
 }
 
 #[test]
-fn files_that_a_calibration_names_are_refused_by_name() {
+fn unusable_files_of_a_calibration_are_refused_by_name() {
     let sandbox = Sandbox::new();
     let mut lab = measurements();
     lab["tests"][1]["measured"]["curves"][0]["file"] = json!("none.csv");

@@ -76,7 +76,7 @@ fn backup_of_a_busy_server_is_consistent_and_restores() {
 
 #[test]
 #[cfg(not(feature = "s3"))]
-fn a_bucket_needs_a_build_that_knows_buckets() {
+fn bucket_is_refused_by_a_build_without_bucket_support() {
     let sandbox = Sandbox::new();
     let data = sandbox.path("data").display().to_string();
     let refused = run(&["serve", "--data", &data, "--objects", "s3://frames/of/roost"]);

@@ -109,7 +109,7 @@ fn slow_fill(gate_m: f64) -> Value {
 }
 
 #[test]
-fn the_kill_of_a_worker_that_fills_frees_the_others() {
+fn kill_of_a_worker_that_computes_a_fill_releases_the_waiting_jobs() {
     let sandbox = Sandbox::new();
     let _server = sandbox.start_server();
     let first = sandbox.start_worker("first");
@@ -164,7 +164,7 @@ fn a_damaged_or_lost_fill_is_computed_again() {
 }
 
 #[test]
-fn a_worker_gives_the_server_a_fill_that_only_it_has() {
+fn worker_uploads_a_cached_fill_that_the_server_lacks() {
     let sandbox = Sandbox::new();
     let server = sandbox.start_server_with(&["--fills-limit-mib", "0"]);
     let _worker = sandbox.start_worker_with("first", &["--slots", "2"]);

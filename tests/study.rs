@@ -192,7 +192,7 @@ fn faulty_question_is_refused_and_can_be_corrected() {
 }
 
 #[tokio::test]
-async fn killed_study_goes_on() {
+async fn killed_study_continues_when_repeated() {
     let place = Place::new(&question(slow_scenario(2.0)));
     let log = place.folder.path().join("first.log");
     let killed = Process::start(&mut place.command(), log);
@@ -223,7 +223,7 @@ async fn killed_study_goes_on() {
 }
 
 #[test]
-fn interrupted_study_says_how_it_goes_on() {
+fn interrupted_study_prints_how_to_continue() {
     let place = Place::new(&question(slow_scenario(60.0)));
     let process = Process::start(&mut place.command(), place.folder.path().join("first.log"));
     wait_until("the study has begun", || process.log().contains("study ").then_some(()));

@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn a_json_document_stays_the_same() {
+    fn escaped_json_document_parses_to_the_same_value() {
         let document = serde_json::json!({"name": "\u{1b}[31m\u{7f}\u{202e}\n\u{e0041}\\ \""});
         let shown = format!("{document:#}\n");
         let safe = lines(&shown);

@@ -49,7 +49,7 @@ mod tests {
     use super::Timestamp;
 
     #[test]
-    fn far_futures_can_be_written() {
+    fn far_future_timestamps_are_clamped() {
         assert_eq!(Timestamp(0).plus_ms(i64::MAX).to_string(), "9999-12-30T00:00:00.000Z");
         assert_eq!(Timestamp(5).plus_ms(10), Timestamp(15));
     }

@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn the_best_case_of_other_goals_is_what_their_faults_ask_for_or_less() {
+    fn budget_below_the_forecast_minimum_is_a_fault() {
         for goal in [
             json!({"optimise": {"objectives": [{"maximise": {"mean": "rate"}}],
                                 "constraints": [{"of": {"probability": "jammed"}, "at_most": 0.05}]}}),

@@ -176,7 +176,7 @@ fn sobol_indices_of_levels_and_whole_numbers_are_those_in_closed_form() {
 }
 
 #[test]
-fn points_that_a_design_has_several_times_get_runs_of_their_own() {
+fn repeated_points_of_a_design_get_separate_runs() {
     // Of 12 points in all, every one comes many times; its runs are independent, so that noise is no sensitivity.
     let goal = json!({"sensitivity": {"of": [{"mean": "y"}], "width": 0.001}});
     let question = asked(&[count(1, 4), walls()], goal.clone(), 64 * 5);
@@ -295,7 +295,7 @@ fn estimates_are_made_at_levels() {
 }
 
 #[test]
-fn faults_say_what_to_do_with_levels() {
+fn faults_about_levels_say_how_to_fix_them() {
     let faults = |factors: &[Value], goal: Value| -> Vec<(String, String, String)> {
         let document = json!({"factors": factors, "goal": goal, "budget": {"max_runs": 1000}});
         let faults = Question::read(&document).unwrap_err().into_iter();

@@ -188,7 +188,7 @@ fn confirmations_use_seeds_that_the_search_has_not_used() {
 }
 
 #[test]
-fn a_point_whose_confirmation_fails_is_marked_and_the_search_goes_on() {
+fn failed_confirmation_marks_its_point_and_the_search_continues() {
     // Runs jam in confirmations near the optimum alone: the search cannot know it before.
     let simulate = |point: &[f64], replicate: u32| {
         let is_trap = replicate >= FIRST_CONFIRMATION && (point[0] - 0.3).abs() < 0.02;
@@ -283,7 +283,7 @@ fn two_quadratics_have_a_front_of_points_between_their_minima() {
 }
 
 #[test]
-fn failed_runs_turn_the_search_away() {
+fn search_avoids_regions_where_runs_fail() {
     // The optimum lies where all runs fail; the best of the rest is at 0.5.
     let simulate = |point: &[f64], _| {
         if point[0] > 0.5 { Outcome::Failed } else { responses(&[("y", (point[0] - 0.8).powi(2))]) }
@@ -298,7 +298,7 @@ fn failed_runs_turn_the_search_away() {
 }
 
 #[test]
-fn a_large_batch_is_spread() {
+fn large_batch_is_spread_over_several_points() {
     let question = toy_question(2000);
     let (runs, _) = study(&toy_question(400), 3, 40, simulate_toy(3));
     let evidence = roost_design::Evidence::new(runs[..100].iter().cloned());

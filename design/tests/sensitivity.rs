@@ -192,7 +192,7 @@ fn a_single_factor_proposes_no_run_twice_and_explains_all() {
 }
 
 #[test]
-fn cancelled_runs_are_made_up_for_and_not_lost() {
+fn cancelled_runs_are_replaced_and_not_counted_as_lost() {
     let question = asked(2, json!({"of": [{"mean": "y"}], "width": 0.001}), 64 * 5);
     let is_cancelled =
         |replicate: u32, point: &[f64]| replicate < 2 && ((point[0] * 1000.0) as u32).is_multiple_of(9);

@@ -64,7 +64,7 @@ fn ladder(free: usize, weight_n: f64, k_n: f64, k_t: f64) -> f64 {
 }
 
 #[test]
-fn a_clamped_beam_hangs_as_its_bonds_say() {
+fn clamped_beam_deflects_as_its_bond_stiffness_predicts() {
     // With the second shear stiffness it is half bending and half shear.
     let (s_n, s_t) = (4e8, 2.4e8);
     let size = DVec3::new(12.0, 2.0, 2.0) * 2.0 * RADIUS;
@@ -105,7 +105,7 @@ fn a_clamped_beam_hangs_as_its_bonds_say() {
 }
 
 #[test]
-fn a_bar_pushes_along_its_radius() {
+fn contact_force_of_a_cylinder_is_radial() {
     let bar = Surface::cylinder("bar", SurfaceKind::Equipment, DVec3::ZERO, DVec3::Y * 0.1, 0.02, 256);
     assert_eq!(bar.triangles.len(), 512);
     let deep = 2e-4;
@@ -148,7 +148,7 @@ fn over_a_bar_stiffer_fillets_bend_less() {
 }
 
 #[test]
-fn off_a_ledge_a_fillet_bends_and_falls() {
+fn fillet_bends_and_falls_off_a_ledge() {
     let result = run("off_ledge", &[]);
     assert_eq!(result.end_reason, EndReason::Done);
     assert_eq!(result.responses["fell_off"], true);
@@ -170,7 +170,7 @@ fn off_a_ledge_a_fillet_bends_and_falls() {
 }
 
 #[test]
-fn a_ledge_that_stands_still_carries_nothing_off() {
+fn stationary_conveyor_leaves_the_fillet_on_the_ledge() {
     let result = run("off_ledge", &[("/bend/belt_speed_m_s", json!(0.0))]);
     assert_eq!(result.end_reason, EndReason::Done);
     assert_eq!(result.responses["fell_off"], false);
@@ -189,7 +189,7 @@ fn a_longer_free_end_hangs_lower() {
 }
 
 #[test]
-fn what_tears_is_measured_as_long_as_it_was_whole() {
+fn bend_angle_of_a_torn_fillet_is_recorded_until_it_tears() {
     // Bonds that break when stretched by a tenth.
     let result = run("clamped", &[("/bonds/contact_radius_ratio", json!(1.1))]);
     assert_eq!(result.end_reason, EndReason::Done);
@@ -202,7 +202,7 @@ fn what_tears_is_measured_as_long_as_it_was_whole() {
 }
 
 #[test]
-fn a_clamp_must_hold_something_and_leave_something() {
+fn clamp_that_holds_none_or_all_of_a_fillet_is_refused() {
     for (share, held) in [(0.01, "none"), (0.99, "all")] {
         let scenario = scenario("clamped", &[("/bend/clamped_share", json!(share))]);
         let faults = check(&scenario, &Meshes::default(), &Limits::default()).expect_err("refused");
@@ -215,7 +215,7 @@ fn a_clamp_must_hold_something_and_leave_something() {
 }
 
 #[test]
-fn a_fillet_bends_alike_to_the_bit_on_any_number_of_threads() {
+fn bend_test_gives_the_same_bits_on_any_number_of_threads() {
     let text = |threads| {
         let fields = [("/product/subparticle_radius_m", json!(0.006)), ("/numerics/duration_s", json!(0.5))];
         let result = run_on(threads, "over_bar", &fields);

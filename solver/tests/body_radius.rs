@@ -41,7 +41,7 @@ fn paths() -> [Cpu; 2] {
 }
 
 #[test]
-fn the_law_is_that_of_spheres_of_the_larger_radius() {
+fn contact_law_with_a_radius_ratio_is_that_of_larger_spheres() {
     let moduli = hertz::tissue_on_tissue(E, NU);
     for gamma in [0.0, 0.055] {
         let [law, larger] = [1.0, RATIO].map(|k| ContactLaw::new(moduli, k * RADIUS / 2.0, 0.3, 0.4, gamma));
@@ -57,7 +57,7 @@ fn the_law_is_that_of_spheres_of_the_larger_radius() {
 }
 
 #[test]
-fn a_collision_is_that_of_hertz_at_the_larger_radius() {
+fn collision_with_a_radius_ratio_matches_hertz_at_the_larger_radius() {
     let (v, dt, gap) = (0.5, 1e-6, 1e-4);
     let (m_star, r_star) = (MASS / 2.0, RATIO * RADIUS / 2.0);
     let e_star = 1.0 / (2.0 * (1.0 - NU * NU) / E);
@@ -78,7 +78,7 @@ fn a_collision_is_that_of_hertz_at_the_larger_radius() {
 }
 
 #[test]
-fn adhesion_at_first_touch_is_that_of_the_larger_radius() {
+fn adhesion_at_first_contact_matches_the_larger_radius() {
     let (gamma, dt) = (0.055, 1e-7);
     for cpu in paths() {
         // The spheres overlap by a nanometre: the force is −8/3 πγR*.
@@ -90,7 +90,7 @@ fn adhesion_at_first_touch_is_that_of_the_larger_radius() {
 }
 
 #[test]
-fn a_collision_keeps_momentum() {
+fn collision_with_a_radius_ratio_conserves_momentum() {
     for cpu in paths() {
         let bodies = vec![
             at(DVec3::new(-0.03, 0.004, 0.002), DVec3::X * 0.8),
@@ -130,7 +130,7 @@ fn touches_itself(scene: &Scene, state: &State) -> usize {
 }
 
 #[test]
-fn within_a_body_nothing_changes() {
+fn radius_ratio_leaves_contacts_within_a_body_unchanged() {
     // A fillet that folds on a plate touches itself; its radius towards others must not count.
     let mut alone = drop();
     alone.bodies.truncate(1);
@@ -174,7 +174,7 @@ fn dropped(ratio: f64, roll_deg: f64) -> Value {
 }
 
 #[test]
-fn fillets_dropped_on_each_other_stay_out_of_each_other() {
+fn radius_ratio_prevents_interpenetration_of_dropped_fillets() {
     let mut merged = 0.0;
     for roll_deg in [0.0, 40.0, 90.0] {
         let inside = |ratio: f64| {

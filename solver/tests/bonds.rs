@@ -31,7 +31,7 @@ fn period(mut signal: impl FnMut() -> f64, dt: f64) -> f64 {
 }
 
 #[test]
-fn a_chain_rings_at_its_longest_wave() {
+fn bonded_chain_vibrates_at_its_lowest_natural_frequency() {
     // Free-free chain of N masses: ω = 2 √(k/m) sin(π / 2N), mode shape cos(π (j + ½) / N).
     let n = 10;
     let dt = 1e-5;
@@ -53,7 +53,7 @@ fn a_chain_rings_at_its_longest_wave() {
 }
 
 #[test]
-fn a_sheared_pair_swings_as_its_inertia_says() {
+fn sheared_pair_oscillates_at_its_closed_form_frequency() {
     // Relative shear s of two free spheres: s'' = -(2/m + L²/2I) k_t s with L = 2R, I = 2/5 m R²: ω² = 7 k_t / m.
     let dt = 2e-6;
     let omega = (7.0 * f64::from(bonds().k_t) / MASS).sqrt();
@@ -92,7 +92,7 @@ impl ShearedPair {
 }
 
 #[test]
-fn normal_forces_are_minus_the_slope_of_their_energy() {
+fn normal_bond_force_is_the_negative_energy_gradient() {
     // Corotated: U = ½ k e². Finite extension: U = -½ k e_max² ln(1 - (e/e_max)²). Central differences in f64.
     let law = bonds();
     let rest = 2.0 * RADIUS;
@@ -132,7 +132,7 @@ fn a_bond_breaks_beyond_twice_the_contact_radius_and_is_counted() {
 const STILL: Vec3 = Vec3::ZERO;
 
 #[test]
-fn a_bond_of_finite_strength_yields_at_it() {
+fn bond_breaks_at_its_normal_strength() {
     let mut law = bonds();
     law.normal_strength = 0.05;
     let rest = 2.0 * RADIUS as f32;
@@ -146,7 +146,7 @@ fn a_bond_of_finite_strength_yields_at_it() {
 }
 
 #[test]
-fn a_bond_of_finite_shear_strength_yields_at_it() {
+fn bond_breaks_at_its_shear_strength() {
     let law = BondLaw { normal_strength: 0.05, shear_strength: 0.02, ..bonds() };
     let rest = 2.0 * RADIUS as f32;
     let feel = |model, mut stored: Vec3| {
@@ -166,7 +166,7 @@ fn a_bond_of_finite_shear_strength_yields_at_it() {
 }
 
 #[test]
-fn shear_of_the_middle_of_a_step_is_carried_to_its_end() {
+fn mid_step_shear_is_rotated_to_the_end_of_the_step() {
     // A bond in f64, half a step back in time, and the velocities there: turned to the end of the step by rotations.
     let (n, length, dt) = (DVec3::X, 0.008, 1e-4);
     let (u, sum) = (DVec3::new(1.3, 0.7, -0.4), DVec3::new(60.0, -90.0, 150.0));
@@ -192,7 +192,7 @@ fn shear_of_the_middle_of_a_step_is_carried_to_its_end() {
 }
 
 #[test]
-fn a_turned_bond_keeps_its_shear_force() {
+fn shear_force_rotates_with_its_bond() {
     // The stored force turns with the bond: after a quarter turn of the pair in 1000 steps its size is the same.
     let law = bonds();
     let rest = 2.0 * RADIUS as f32;
@@ -241,7 +241,7 @@ fn dropped(model: BondModel, s_n: f64, s_t: f64) -> (f64, f64, f64, Option<Strin
 }
 
 #[test]
-fn the_published_bond_diverges_where_the_paper_says_and_the_corotated_one_does_not() {
+fn published_bond_diverges_as_in_the_paper_and_corotated_bond_does_not() {
     let (_, corotated, intact, fault) = dropped(BondModel::Corotated, 1e7, 1e5);
     assert_eq!((intact, fault), (1.0, None));
     let (published, _, _, fault) = dropped(BondModel::AsPublished, 1e7, 1e5);
@@ -259,7 +259,7 @@ fn too_much_shear_stiffness_breaks_bonds_without_diverging() {
 }
 
 #[test]
-fn a_runaway_is_named_and_nothing_becomes_nan() {
+fn divergence_is_reported_with_its_sub_particle_and_leaves_no_nan() {
     let mut scene = scene(block([4, 4, 4]), vec![at(DVec3::ZERO, DVec3::ZERO)], 5e-3);
     std::sync::Arc::make_mut(&mut scene.kinds[0].meta).points[5].x += 1e-3;
     let mut bench = Bench::new(&scene);
@@ -270,7 +270,7 @@ fn a_runaway_is_named_and_nothing_becomes_nan() {
 }
 
 #[test]
-fn what_is_not_a_number_is_a_fault_too() {
+fn nan_velocity_or_stiffness_is_reported_as_a_fault() {
     let mut scene = scene(block([2, 2, 1]), vec![at(DVec3::ZERO, DVec3::X * f64::NAN)], 1e-5);
     let mut bench = Bench::new(&scene);
     assert!(bench.steps(5).expect("noticed").contains("no finite velocity"));
@@ -280,7 +280,7 @@ fn what_is_not_a_number_is_a_fault_too() {
 }
 
 #[test]
-fn a_pressed_block_is_as_stiff_as_its_lattice() {
+fn modulus_of_a_pressed_block_matches_its_lattice() {
     // With contact off in bonds a simple cubic lattice has the modulus k_n / 2R = S_n π R / 2.
     let speed = 2e-3;
     let mut scene = scene(block([3, 3, 5]), vec![at(DVec3::Z * 5.0 * RADIUS, DVec3::ZERO)], 5e-5);

@@ -63,7 +63,7 @@ fn drawn(write: impl Fn(&Surface) -> Vec<u8>) -> (Scenario, Meshes) {
 }
 
 #[test]
-fn a_hopper_from_ascii_stl_is_the_parametric_one_to_the_bit() {
+fn hopper_from_ascii_stl_equals_the_parametric_hopper_bit_for_bit() {
     // ASCII files hold as many digits as one writes: all of them.
     let (scenario, meshes) = drawn(|surface| stl::ascii(&surface.triangles).into_bytes());
     let (parametric, from_files) = (run(&hopper(None), &Meshes::default()), run(&scenario, &meshes));
@@ -73,7 +73,7 @@ fn a_hopper_from_ascii_stl_is_the_parametric_one_to_the_bit() {
 }
 
 #[test]
-fn a_hopper_from_binary_stl_is_off_by_the_rounding_of_its_corners_alone() {
+fn hopper_from_binary_stl_differs_only_by_the_rounding_of_its_corners() {
     // Binary files hold f32: corners are off by up to 6e-8 of their distance from the origin, and so the runs are not
     // equal to the bit. Corners and curves stay close; the curve for as long as little has been multiplied by chaos.
     let (scenario, meshes) = drawn(|surface| stl::binary(&surface.triangles));

@@ -33,7 +33,7 @@ fn accepted(scenario: &Scenario) -> Estimate {
 }
 
 #[test]
-fn the_papers_hopper_is_accepted_and_weighs_what_the_paper_says() {
+fn hopper_of_the_paper_is_accepted_with_the_published_mass() {
     let estimate =
         check(&with(&[]), &Meshes::default(), &Limits::default()).expect("accepted").into_estimate();
     assert_eq!((estimate.fillets, estimate.warnings.len()), (191, 0), "{:?}", estimate.warnings);
@@ -44,7 +44,7 @@ fn the_papers_hopper_is_accepted_and_weighs_what_the_paper_says() {
 }
 
 #[test]
-fn the_estimate_is_what_is_built() {
+fn estimate_matches_the_built_scene() {
     for fields in [
         vec![],
         vec![("/product/count", json!(7)), ("/product/subparticle_radius_m", json!(0.007))],
@@ -93,7 +93,7 @@ fn a_radius_too_coarse_for_a_size_is_refused() {
 }
 
 #[test]
-fn fillets_of_few_layers_are_warned_of() {
+fn fillets_of_few_layers_have_a_warning() {
     let warnings = |fields: &[(&str, Value)]| accepted(&with(fields)).warnings;
     let radius = |metres: f64| ("/product/subparticle_radius_m", json!(metres));
     let coarse = warnings(&[radius(0.006)]);
@@ -106,7 +106,7 @@ fn fillets_of_few_layers_are_warned_of() {
 }
 
 #[test]
-fn a_time_step_past_stability_is_refused_and_near_it_warned_of() {
+fn unstable_time_step_is_refused_and_a_nearly_unstable_one_has_a_warning() {
     let bounds = bounds_on_timestep(&with(&[]), &kinds(&with(&[])));
     assert!(bounds.auto_s < bounds.damped_s && bounds.damped_s < bounds.undamped_s);
     let step =
@@ -124,7 +124,7 @@ fn a_time_step_past_stability_is_refused_and_near_it_warned_of() {
 }
 
 #[test]
-fn what_costs_too_much_is_refused() {
+fn scenario_above_the_cost_limits_is_refused() {
     let scenario = with(&[]);
     let estimate = accepted(&scenario);
     let limits = |max_subparticles, max_steps| Limits { max_subparticles, max_steps };
@@ -134,7 +134,7 @@ fn what_costs_too_much_is_refused() {
 }
 
 #[test]
-fn every_fault_is_told_at_once() {
+fn all_faults_of_a_check_are_reported_at_once() {
     let scenario = with(&[
         ("/product/count", json!(2000)),
         ("/equipment/hopper_length_m", json!(0.05)),

@@ -76,7 +76,7 @@ impl Observer for Filling {
 }
 
 #[test]
-fn a_filled_state_serves_every_value_of_the_fields_that_act_from_the_start() {
+fn filled_state_is_reused_for_fields_that_act_only_from_belt_start() {
     let base = json!({
         "experiment": "hopper", "product": {"count": 8, "subparticle_radius_m": 0.01},
         "equipment": {"hopper_width_m": 0.15, "hopper_length_m": 0.2, "gate_opening_m": 0.1, "surface_loads": true},
@@ -127,7 +127,7 @@ fn go_on(cpu: &Cpu, scenario: &Scenario, from: &Checkpoint) -> Result<(), Checkp
 }
 
 #[test]
-fn a_checkpoint_of_another_run_is_refused_by_name() {
+fn checkpoint_of_another_run_is_refused_with_the_difference() {
     let scenario = &experiments()[0];
     let saved = half_way(scenario);
     assert_eq!(go_on(&Cpu::new(2), scenario, &saved), Ok(()));
@@ -150,7 +150,7 @@ fn a_checkpoint_of_another_run_is_refused_by_name() {
 }
 
 #[test]
-fn bytes_that_are_no_checkpoint_are_refused_with_a_sentence() {
+fn invalid_checkpoint_bytes_are_refused_with_the_reason() {
     let bytes = half_way(&experiments()[0]).to_bytes();
     let refused = |bytes: &[u8]| Checkpoint::from_bytes(bytes).expect_err("no checkpoint").to_string();
     assert_eq!(refused(b"PK\x03\x04"), "this is not a checkpoint of Roost");

@@ -30,7 +30,7 @@ fn run(fields: &[(&str, Value)]) -> RunResult {
 }
 
 #[test]
-fn without_contact_in_bonds_the_modulus_is_that_of_the_lattice() {
+fn without_contact_in_bonds_the_modulus_matches_the_lattice() {
     // Columns of springs k_n = S_n π R², each in series along its 2R, one on every (2R)²: S_n π R/2 at the radius where S_n
     // holds.
     let own = |radius: f64| (radius, json!(null), radius);
@@ -74,7 +74,7 @@ fn push(distance: f64) -> f64 {
 }
 
 #[test]
-fn with_contact_in_bonds_the_curve_is_that_of_a_chain_of_neighbours() {
+fn with_contact_in_bonds_the_curve_matches_a_chain_of_spheres() {
     let result = run(&[]);
     // Adhesion draws neighbours together: at rest they push each other with nothing.
     let (mut near, mut far) = (1.8 * RADIUS, 2.0 * RADIUS);
@@ -95,7 +95,7 @@ fn with_contact_in_bonds_the_curve_is_that_of_a_chain_of_neighbours() {
 }
 
 #[test]
-fn strain_counts_from_first_contact_to_what_was_asked_for() {
+fn strain_runs_from_first_contact_to_the_requested_maximum() {
     let result = run(&[]);
     assert_eq!(result.end_reason, EndReason::Done);
     let stress = curve(&result, "stress");
@@ -113,7 +113,7 @@ fn strain_counts_from_first_contact_to_what_was_asked_for() {
 }
 
 #[test]
-fn a_test_that_is_not_to_end_early_runs_to_its_duration() {
+fn compression_test_without_early_end_runs_to_its_duration() {
     let fields = [("/numerics/stop/when_done", json!(false)), ("/compress/max_strain", json!(0.03))];
     let result = run(&fields);
     assert_eq!(result.end_reason, EndReason::Duration);
@@ -121,14 +121,14 @@ fn a_test_that_is_not_to_end_early_runs_to_its_duration() {
 }
 
 #[test]
-fn a_single_layer_has_no_extensometer() {
+fn block_of_a_single_layer_has_no_lattice_modulus() {
     let result = run(&[("/compress/lattice", json!([3, 3, 1])), ("/compress/max_strain", json!(0.04))]);
     assert!(result.responses["modulus_lattice_pa"].is_null(), "{:?}", result.responses);
     assert!(response(&result, "modulus_pa") > 0.0);
 }
 
 #[test]
-fn a_block_that_nobody_would_wait_for_is_refused_by_its_lattice() {
+fn block_of_too_many_sub_particles_is_refused_at_its_lattice() {
     let scenario = scenario(&[("/compress/lattice", json!([200, 200, 60]))]);
     let faults = check(&scenario, &Meshes::default(), &Limits::default()).expect_err("too many");
     assert_eq!(faults.len(), 1);
@@ -136,7 +136,7 @@ fn a_block_that_nobody_would_wait_for_is_refused_by_its_lattice() {
 }
 
 #[test]
-fn a_test_gives_the_same_bits_on_any_number_of_threads() {
+fn compression_test_gives_the_same_bits_on_any_number_of_threads() {
     let fields = [("/compress/lattice", json!([8, 8, 6])), ("/compress/strain_rate_1_s", json!(0.5))];
     let text = |threads| {
         let result = run_on(threads, &fields);

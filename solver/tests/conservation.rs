@@ -35,7 +35,7 @@ fn collision(dt: f64) -> Scene {
 }
 
 #[test]
-fn a_collision_keeps_linear_and_angular_momentum() {
+fn collision_conserves_linear_and_angular_momentum() {
     let mut bench = Bench::new(&collision(2e-5));
     let (_, spin_before) = momenta(&mut bench);
     let energy_before = bench.state().kinetic_energy();
@@ -121,7 +121,7 @@ fn an_undamped_fillet_keeps_its_energy_at_the_automatic_step() {
 }
 
 #[test]
-fn slow_motion_far_from_the_origin_is_not_lost() {
+fn slow_motion_far_from_the_origin_is_not_lost_to_rounding() {
     // At 1 µm/s a step of 57.5 µs is a hundredth of a unit: only the remainder can carry it.
     for speed in [1e-6, 1e-3] {
         let start = DVec3::new(0.4, -0.45, 0.3);

@@ -48,7 +48,7 @@ fn collide(restitution: f64, gamma: f64, approach: f64, dt: f64) -> (f64, f64, f
 }
 
 #[test]
-fn hertz_collision_takes_as_long_and_goes_as_deep_as_hertz_says() {
+fn hertz_collision_has_the_closed_form_duration_and_depth() {
     let (v, m_star, r_star) = (0.5, MASS / 2.0, RADIUS / 2.0);
     let (duration, depth, separation) = collide(1.0, 0.0, v, 1e-6);
     assert_close(duration, 2.8683 * (m_star * m_star / (r_star * e_star().powi(2) * v)).powf(0.2), 2e-3);
@@ -57,7 +57,7 @@ fn hertz_collision_takes_as_long_and_goes_as_deep_as_hertz_says() {
 }
 
 #[test]
-fn restitution_is_what_was_asked_for() {
+fn measured_restitution_equals_the_requested_one() {
     for restitution in [0.2, 0.5, 0.8] {
         let (_, _, separation) = collide(restitution, 0.0, 0.5, 1e-6);
         assert_close(separation, restitution * 0.5, 1e-2);
@@ -65,7 +65,7 @@ fn restitution_is_what_was_asked_for() {
 }
 
 #[test]
-fn in_a_long_step_a_dashpot_takes_its_share_of_a_motion() {
+fn dashpot_impulse_of_a_long_step_is_capped() {
     let (law, delta, dt) = (law(false, 1e-4, 1e3, 0.0), 0.5 * RADIUS as f32, 1e-3f32);
     let m_star = MASS as f32 / 2.0;
     for (cap, along, across) in [(BONDED_CAP, 0.6, 0.8), (BODY_CAP, 0.75, 0.9), (SURFACE_CAP, 0.25, 0.8)] {
@@ -88,7 +88,7 @@ fn in_a_long_step_a_dashpot_takes_its_share_of_a_motion() {
 }
 
 #[test]
-fn hertz_force_against_an_independent_number() {
+fn hertz_force_and_moduli_match_hand_calculated_values() {
     // 4/3 · 28154.79 Pa · √0.002 m · (0.001 m)^1.5, worked out by hand.
     let (force, a) = hertz::force(28_154.79, 0.002, 0.001);
     assert_close(f64::from(force), 0.053_088_6, 1e-4);
@@ -132,7 +132,7 @@ fn jkr_force_follows_the_published_curve() {
 }
 
 #[test]
-fn an_adhesive_contact_forms_at_touch_and_lets_go_at_the_snap() {
+fn adhesive_contact_forms_at_touch_and_breaks_at_the_snap_overlap() {
     let law = law(false, 1.0, 0.0, 0.055);
     let snap = law.jkr.expect("adhesive").snap_overlap;
     let mut history = ContactHistory::default();
@@ -148,7 +148,7 @@ fn an_adhesive_contact_forms_at_touch_and_lets_go_at_the_snap() {
 }
 
 #[test]
-fn a_neck_holds_beyond_touch_and_brings_back_what_is_slow() {
+fn adhesive_neck_holds_beyond_touch_and_pulls_slow_spheres_back() {
     // The work from touch to the snap, of order 8/3 πγR* · |snap|, holds 14 mm/s between spheres and not 60.
     let part = |wall: bool, v: f64, gamma: f64| {
         let mut scene = scene(block([1, 1, 1]), vec![], 1e-6);
@@ -185,7 +185,7 @@ fn a_neck_holds_beyond_touch_and_brings_back_what_is_slow() {
 }
 
 #[test]
-fn the_greatest_overlap_is_that_of_what_no_bond_joins() {
+fn maximum_overlap_excludes_bonded_pairs() {
     let overlap = |kind, bodies: Vec<_>| {
         let mut bench = Bench::new(&scene(kind, bodies, 1e-9));
         bench.cpu.advance(&mut [(&mut bench.run, 1)])[0].max_overlap_m
@@ -227,7 +227,7 @@ impl ExperimentMonitor for Overlaps {
 }
 
 #[test]
-fn a_run_remembers_the_greatest_overlap_of_a_collision_long_past() {
+fn maximum_overlap_is_kept_after_a_collision_ends() {
     let bodies = [-1.0, 1.0].map(|side| at(DVec3::X * side * 1.01 * RADIUS, DVec3::X * -side * 0.25));
     let scene = scene(block([1, 1, 1]), bodies.to_vec(), 1e-5);
     let plan = RunPlan { sample_interval_s: 1e-3, longest_fill_s: 1.0, duration_s: 0.1 };
@@ -256,7 +256,7 @@ fn hertz_is_the_limit_of_jkr_without_adhesion() {
 }
 
 #[test]
-fn friction_lies_in_the_plane_and_is_capped_by_the_whole_normal_force() {
+fn friction_is_tangential_and_capped_by_the_total_normal_force() {
     let law = law(true, 0.3, 0.5, 0.0);
     let feel = |v: Vec3| {
         let mut fresh = ContactHistory::default();

@@ -91,7 +91,7 @@ fn no_sub_particle_passes_through_a_fixed_plate() {
 }
 
 #[test]
-fn none_passes_through_a_tilted_plate_of_many_facets() {
+fn no_sub_particle_passes_through_a_tilted_plate_of_many_facets() {
     let (turn, away) = tilt();
     let up = turn * DVec3::Z;
     let mut found = Vec::new();
@@ -114,7 +114,7 @@ fn none_passes_through_a_tilted_plate_of_many_facets() {
 }
 
 #[test]
-fn none_passes_through_a_pusher() {
+fn no_sub_particle_passes_through_a_moving_pusher() {
     let mut found = Vec::new();
     let velocity = DVec3::X * 6.0;
     for radius_m in [0.004, 0.008] {
@@ -165,7 +165,7 @@ fn flown(
 }
 
 #[test]
-fn an_elastic_sphere_comes_back_at_its_speed_from_beyond_the_plate() {
+fn elastic_sphere_whose_centre_crosses_a_plate_rebounds_at_its_speed() {
     // Its energy compresses it by 2.3 R: the law of Hertz goes on beyond the plate, on either side of it.
     for side in [1.0, -1.0] {
         let plates = vec![plate(SurfaceKind::Equipment)];
@@ -177,7 +177,7 @@ fn an_elastic_sphere_comes_back_at_its_speed_from_beyond_the_plate() {
 }
 
 #[test]
-fn a_step_as_long_as_the_sphere_does_not_leap_over_a_plate() {
+fn time_step_of_one_sphere_diameter_does_not_tunnel_through_a_plate() {
     // Up to 30 m/s and 2 R a step: from out of range on one side to out of range on the other.
     for share in 0..10 {
         let (speed, dt) = (28.0, 2.0 * RADIUS / 28.0);
@@ -214,7 +214,7 @@ fn both_faces_of_a_thin_sheet_push_back_to_the_same_side() {
 }
 
 #[test]
-fn round_a_free_edge_a_sphere_may_go() {
+fn sphere_can_move_around_a_free_edge() {
     // Dropped beside the rim, then pushed under the plate and up against it.
     let plates = vec![plate(SurfaceKind::Equipment)];
     let (x, v, passed) =
@@ -226,7 +226,7 @@ fn round_a_free_edge_a_sphere_may_go() {
 }
 
 #[test]
-fn who_leaves_over_the_rim_beyond_a_plate_has_passed_through() {
+fn sphere_that_leaves_over_the_rim_behind_a_plate_has_passed_through() {
     // It crosses the plate 4 mm from its rim and is past it before the plate has pushed it back.
     let plates = vec![plate(SurfaceKind::Equipment)];
     let (x, _, passed) =
@@ -236,7 +236,7 @@ fn who_leaves_over_the_rim_beyond_a_plate_has_passed_through() {
 }
 
 #[test]
-fn a_surface_that_disappears_while_a_centre_is_beyond_it_lets_go() {
+fn removed_surface_releases_a_sphere_whose_centre_has_crossed_it() {
     for triangles in [slot(0.05, false), tilted_plate()] {
         let turned = triangles.len() > 4;
         let (turn, origin) = if turned { tilt() } else { (DQuat::from_rotation_y(1.6), DVec3::ZERO) };
@@ -257,7 +257,7 @@ fn a_surface_that_disappears_while_a_centre_is_beyond_it_lets_go() {
 }
 
 #[test]
-fn a_slot_between_two_sheets_of_a_surface_keeps_what_is_in_it() {
+fn sphere_in_a_narrow_slot_stays_between_its_walls() {
     for (width, speed, dt) in [0.8, 1.0, 1.35, 1.7]
         .into_iter()
         .flat_map(|width| [2.0, 4.0, 6.0, 8.0].map(|speed| (width * RADIUS, speed)))

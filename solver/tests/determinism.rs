@@ -47,7 +47,7 @@ fn block_of(body: u32) -> Vec<u32> {
 }
 
 #[test]
-fn pieces_and_batches_change_no_bit() {
+fn splitting_and_batching_of_steps_change_no_bit() {
     let scene = blocks();
     let mut whole = Bench::new(&scene);
     whole.steps(2000);
@@ -66,7 +66,7 @@ fn pieces_and_batches_change_no_bit() {
 }
 
 #[test]
-fn the_bits_are_those_of_this_solver_revision() {
+fn state_digests_match_this_solver_revision() {
     // Every bit of every sub-particle after so many steps. If this changes, results have changed: raise
     // SOLVER_REVISION, write down why in the changelog, and only then renew the digest.
     let digest_on = |cpu: Cpu, scene: &Scene, steps: u64| {
@@ -117,7 +117,7 @@ fn spheres() -> Scene {
 }
 
 #[test]
-fn a_stranger_that_renews_all_lists_changes_no_bit() {
+fn neighbour_list_rebuilds_caused_by_a_distant_body_change_no_bit() {
     // At 8 m/s it has the neighbour lists built anew every other step: what touches remembers all the same.
     let calm = blocks();
     let mut alone = Bench::new(&calm);
@@ -133,7 +133,7 @@ fn a_stranger_that_renews_all_lists_changes_no_bit() {
 }
 
 #[test]
-fn lists_that_are_new_in_every_step_change_no_bit() {
+fn neighbour_list_rebuilds_in_every_step_change_no_bit() {
     // Tilted blocks that fall onto another: from the edge on, one row after the other comes into reach. That nothing is taken
     // out takes out what was looked up on the plain path; on the fast path, which bodies meet, and `cpu::fast` has a test for the rest.
     for (tilt, speed) in [(0.1, 3.0), (0.3, 2.0), (0.6, 4.0), (0.8, 1.0)] {
@@ -155,7 +155,7 @@ fn lists_that_are_new_in_every_step_change_no_bit() {
 }
 
 #[test]
-fn spheres_are_not_missed_by_those_before_them() {
+fn removing_later_spheres_does_not_change_earlier_ones() {
     // What goes together with others goes on as if they had never been there, whatever they are to those.
     let mut scene = spheres();
     let count = scene.bodies.len() as u32;
@@ -178,7 +178,7 @@ fn spheres_are_not_missed_by_those_before_them() {
 }
 
 #[test]
-fn what_has_left_is_not_missed() {
+fn removing_a_distant_body_does_not_change_the_others() {
     // The last of three bodies, then the first.
     let mut fewer = Bench::new(&blocks());
     for (turned, gone) in [(1, 0), (0, 2)] {

@@ -89,7 +89,7 @@ impl Stage {
 const GO_ON: Decision = Decision::Continue { remove: vec![] };
 
 #[test]
-fn the_bed_rests_once_it_was_slow_for_a_tenth_of_a_second() {
+fn bed_is_at_rest_after_0_1_s_below_the_rest_speed() {
     let mut stage = Stage::new(&[]);
     for speed in [0.0, 0.0, 0.0, 0.0, 0.051, 0.0, 0.049, 0.0, 0.0, 0.0] {
         stage.state.particles[3].velocity.y = speed;
@@ -99,7 +99,7 @@ fn the_bed_rests_once_it_was_slow_for_a_tenth_of_a_second() {
 }
 
 #[test]
-fn one_sub_particle_in_a_thousand_may_tremble() {
+fn bed_at_rest_may_have_one_fast_sub_particle_in_a_thousand() {
     for (trembling, rests) in [(2, true), (3, false)] {
         let mut stage = Stage::new(&[("/product/count", json!(40))]);
         assert_eq!(stage.state.particles.len() / 1000, 2);
@@ -110,7 +110,7 @@ fn one_sub_particle_in_a_thousand_may_tremble() {
 }
 
 #[test]
-fn nothing_rests_before_the_highest_has_fallen() {
+fn bed_is_not_at_rest_before_the_highest_fillet_can_have_fallen() {
     let mut stage = Stage::new(&[("/product/count", json!(100))]);
     let top = stage.scene.bodies.iter().map(|body| body.position.z).fold(0.0, f64::max);
     let fall_s = (2.0 * top / 9.81).sqrt();
@@ -171,7 +171,7 @@ fn whole_fillets_leave_past_the_gate_and_strays_are_counted_as_escaped() {
 }
 
 #[test]
-fn two_fillets_that_move_as_a_plug_reside_for_their_distance_over_the_speed_of_the_belt() {
+fn residence_times_of_two_fillets_in_plug_flow_are_distance_over_belt_speed() {
     let mut stage = Stage::started(&[]);
     let (n, all) = (stage.first(), stage.state.particles.len());
     // At 0.25 m/s from −0.1 m and −0.203 m.
@@ -225,7 +225,7 @@ fn a_jam_is_counted_from_the_last_passage() {
 }
 
 #[test]
-fn a_stop_with_little_inside_is_no_jam() {
+fn stoppage_with_little_mass_inside_is_no_jam() {
     for (inside, jammed) in [(0.02, 0), (0.1, 1)] {
         let mut stage = Stage::started(&[("/numerics/stop/when_jammed_s", json!(0.09))]);
         let all = stage.state.particles.len();
@@ -237,7 +237,7 @@ fn a_stop_with_little_inside_is_no_jam() {
 }
 
 #[test]
-fn the_beds_volume_is_its_floor_times_its_surface() {
+fn bed_volume_is_floor_area_times_surface_height() {
     // Both fillets flat at 0.1 m, spread so that every square of the floor has one.
     let mut stage = Stage::new(&[("/product/count", json!(40)), ("/equipment/hopper_width_m", json!(0.32))]);
     let (cells, squares) = (stage.state.particles.len(), [18, 20]);
@@ -279,7 +279,7 @@ impl Stage {
 }
 
 #[test]
-fn curl_is_the_bend_of_what_has_just_passed_the_gate() {
+fn curl_angle_is_the_bend_angle_of_fillets_just_past_the_gate() {
     let mut stage = Stage::started(&[]);
     let inside = DVec3::new(-0.15, 0.0, 0.1);
     let bent = stage.lay(0, inside, Some(0.05));
@@ -303,7 +303,7 @@ fn curl_is_the_bend_of_what_has_just_passed_the_gate() {
 }
 
 #[test]
-fn what_is_far_out_or_torn_apart_does_not_count_as_curl() {
+fn curl_angle_excludes_distant_and_torn_fillets() {
     for (x, torn, counts) in
         [(0.199, false, true), (0.201, false, false), (-1e-3, false, false), (0.1, true, false)]
     {

@@ -38,7 +38,7 @@ fn mass_kg(scenario: &Scenario) -> f64 {
 }
 
 #[test]
-fn the_plate_takes_up_momentum_and_weight() {
+fn plate_force_integrates_to_momentum_and_weight() {
     let step = json!(1e-4);
     let scenario = drop(&[
         ("/numerics/timestep_s", step.clone()),
@@ -63,7 +63,7 @@ fn the_plate_takes_up_momentum_and_weight() {
 }
 
 #[test]
-fn a_fillet_falls_alike_to_the_bit_however_many_others_there_are() {
+fn fillet_falls_with_the_same_bits_for_any_number_of_others() {
     let of = |count: u32| {
         let fields = [
             ("/product/count", json!(count)),
@@ -86,7 +86,7 @@ fn a_fillet_falls_alike_to_the_bit_however_many_others_there_are() {
 }
 
 #[test]
-fn mirror_images_fare_alike() {
+fn mirrored_fillets_have_the_same_responses() {
     // Not to the bit: the mirror image adds up its forces in another order.
     let result = run(&drop(&[("/product/count", json!(6)), ("/drop/speed_m_s", json!(3.0))]));
     let (intact, settle) = (curve(&result, "bonds_intact_fraction"), curve(&result, "settle_time"));
@@ -120,7 +120,7 @@ fn a_drop_gives_the_same_bits_on_any_number_of_threads() {
 }
 
 #[test]
-fn fillets_stand_just_over_their_plates_turned_as_asked_for() {
+fn fillets_start_just_above_their_plates_in_the_requested_orientation() {
     let all = [
         ("/product/count", json!(40)),
         ("/drop/yaw_deg", json!(30)),
@@ -197,7 +197,7 @@ impl Stage {
 const GO_ON: Decision = Decision::Continue { remove: vec![] };
 
 #[test]
-fn settled_is_what_has_lost_99_percent_and_stays_so() {
+fn fillet_is_settled_after_losing_99_percent_of_its_energy_for_good() {
     let mut stage = Stage::new(&[]);
     let before = Sample {
         simulated_s: 0.0,
@@ -242,7 +242,7 @@ fn a_drop_is_done_after_a_quarter_second_of_rest() {
 }
 
 #[test]
-fn what_leaves_its_plate_is_escaped_and_not_broken() {
+fn sub_particle_that_leaves_its_plate_escapes_without_broken_bonds() {
     let mut stage = Stage::new(&[("/product/count", json!(2)), ("/product/shape", json!(0))]);
     let bonds = stage.state.bonds_at_start as f64;
     // Three bonds of the first sub-particle break, then it leaves, and takes the rest of its bonds along unbroken.
@@ -301,7 +301,7 @@ fn stiff(formulation: &str, normal: f64, shear: f64) -> RunResult {
 }
 
 #[test]
-fn the_published_bond_diverges_and_keeps_what_was_sampled() {
+fn diverging_drop_with_the_published_bond_keeps_its_samples() {
     let published = stiff("as_published", 1e7, 1e5);
     assert_eq!(published.end_reason, EndReason::Unstable, "{:?}", published.responses);
     let instability = published.instability.as_ref().expect("said where");
@@ -354,7 +354,7 @@ fn fillets_that_fall_flat_stay_whole_and_settle_at_once() {
 }
 
 #[test]
-fn fillets_that_fall_on_their_ends_lose_few_bonds_and_none_that_stiffen() {
+fn end_on_impact_breaks_few_bonds_and_fewest_with_finite_extension() {
     for pitch in [90.0, -90.0] {
         for (formulation, least) in [("corotated", 0.85), ("finite_extension", 0.99)] {
             let intact = response(&six(pitch, 4.0, formulation), "bonds_intact_fraction");

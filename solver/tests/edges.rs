@@ -22,7 +22,7 @@ fn refused(fields: &[(&str, Value)]) -> Vec<String> {
 }
 
 #[test]
-fn the_belt_starts_when_the_bed_is_at_rest_however_often_one_looks() {
+fn belt_start_does_not_depend_on_the_output_interval() {
     let fill_s = |interval: f64, rest_speed: f64| {
         let scenario = with(&[
             ("/product/count", json!(4)),
@@ -46,7 +46,7 @@ fn the_belt_starts_when_the_bed_is_at_rest_however_often_one_looks() {
 }
 
 #[test]
-fn a_lattice_too_fine_to_look_at_is_refused_at_once() {
+fn too_fine_lattice_is_refused_within_a_second() {
     let start = Instant::now();
     let sizes = json!([[2.0, 2.0, 2.0]]);
     let fine = ("/product/subparticle_radius_m", json!(5e-4));
@@ -58,7 +58,7 @@ fn a_lattice_too_fine_to_look_at_is_refused_at_once() {
 }
 
 #[test]
-fn a_fillet_must_not_meet_its_own_image() {
+fn period_in_which_a_fillet_meets_its_own_image_is_refused() {
     // The longest fillet of Table 1 is 0.176 m, and four radii are wanted beside it.
     let periodic = |width: f64| {
         [
@@ -72,7 +72,7 @@ fn a_fillet_must_not_meet_its_own_image() {
 }
 
 #[test]
-fn what_barely_fits_is_stood_upright() {
+fn fillets_that_fit_only_upright_are_placed_upright() {
     let tight = with(&[
         ("/product/count", json!(3)),
         ("/product/sizes_m", json!([[0.5, 0.02, 0.02]])),
@@ -96,7 +96,7 @@ fn adhesion_that_reaches_past_the_neighbours_is_refused() {
 }
 
 #[test]
-fn samples_of_the_fill_count_too() {
+fn sample_limit_includes_the_samples_of_the_fill() {
     let fields = [
         ("/numerics/max_fill_s", json!(600)),
         ("/numerics/duration_s", json!(0.1)),
@@ -108,7 +108,7 @@ fn samples_of_the_fill_count_too() {
 }
 
 #[test]
-fn the_automatic_step_of_a_stiff_truss_holds() {
+fn automatic_time_step_is_stable_for_a_stiff_truss() {
     let truss = with(&[
         ("/product/count", json!(2)),
         ("/product/subparticle_radius_m", json!(0.01)),
@@ -123,7 +123,7 @@ fn the_automatic_step_of_a_stiff_truss_holds() {
 }
 
 #[test]
-fn slow_adhesive_spheres_stick_and_others_part() {
+fn slow_spheres_stick_with_adhesion_and_separate_without() {
     let meet = |gamma: f64| {
         let x = 0.004 + 1e-5;
         let v = DVec3::X * 0.005;

@@ -52,7 +52,7 @@ fn a_plate_acts_on_both_of_its_sides() {
 }
 
 #[test]
-fn the_diagonal_of_a_plate_is_not_felt() {
+fn contact_force_is_continuous_across_the_diagonal_of_a_plate() {
     // The plate's two triangles meet along x = y.
     let plates = [plate(SurfaceKind::Equipment)];
     for k in -20..=20 {
@@ -80,7 +80,7 @@ fn the_diagonal_of_a_plate_is_not_felt() {
 }
 
 #[test]
-fn a_free_rim_pushes_away_from_its_nearest_point() {
+fn contact_force_of_a_free_edge_points_away_from_its_nearest_point() {
     // A gate in the plane x = 0 whose lower edge is 6 cm above the belt.
     let corner = DVec3::new(0.0, -0.1, 0.06);
     let gate =
@@ -122,7 +122,7 @@ fn a_convex_edge_and_a_corner_are_one_contact() {
 }
 
 #[test]
-fn a_corner_that_two_triangles_share_and_no_edge_is_one_contact() {
+fn corner_shared_by_triangles_without_a_common_edge_is_one_contact() {
     // Two sails that stand on the origin.
     let sail = |x: f64| [DVec3::ZERO, DVec3::new(x, 0.05, -0.1), DVec3::new(x, -0.05, -0.1)];
     let sails = [surface(vec![sail(0.05), sail(-0.04)])];
@@ -130,7 +130,7 @@ fn a_corner_that_two_triangles_share_and_no_edge_is_one_contact() {
 }
 
 #[test]
-fn a_sphere_pulled_over_an_edge_feels_one_steady_load() {
+fn contact_force_is_continuous_across_a_convex_edge() {
     // A ridge of 30° between two slopes: the load turns from one normal to the other and never doubles.
     let slope = 15f64.to_radians();
     let (left, right) =
@@ -175,7 +175,7 @@ fn a_concave_corner_is_two_contacts() {
 }
 
 #[test]
-fn a_surface_far_away_or_tilted_pushes_as_one_at_the_origin() {
+fn contact_force_is_the_same_for_distant_and_tilted_surfaces() {
     let overlap = 0.02 * RADIUS;
     let turns =
         [DQuat::IDENTITY, DQuat::from_euler(glam::EulerRot::ZYX, 0.7, 0.4, -1.1), DQuat::from_rotation_x(PI)];
@@ -195,7 +195,7 @@ fn a_surface_far_away_or_tilted_pushes_as_one_at_the_origin() {
 }
 
 #[test]
-fn small_and_long_triangles_push_like_large_ones() {
+fn contact_force_does_not_depend_on_triangle_size_or_shape() {
     let load = DVec3::Z * hertz(0.1 * RADIUS);
     let centre = DVec3::Z * 0.9 * RADIUS;
     let around = |r: f64, k: u32| {
@@ -221,7 +221,7 @@ fn small_and_long_triangles_push_like_large_ones() {
 }
 
 #[test]
-fn a_centre_right_on_a_plate_makes_no_nan() {
+fn sphere_centre_on_a_plate_makes_no_nan() {
     let plates = [plate(SurfaceKind::Equipment), cube()];
     for position in
         [DVec3::ZERO, DVec3::new(0.1, -0.2, 0.0), DVec3::Y * 0.05, DVec3::splat(0.1), DVec3::X * -0.4]

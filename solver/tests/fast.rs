@@ -127,7 +127,7 @@ fn assert_agrees(name: &str, scene: &Scene, course: &Course) -> Vec<State> {
 }
 
 #[test]
-fn fillets_that_fall_onto_each_other_agree_in_every_formulation() {
+fn fast_path_matches_plain_path_for_falling_fillets_in_every_formulation() {
     for model in [BondModel::Corotated, BondModel::FiniteExtension, BondModel::AsPublished] {
         for contact_between_bonded in [true, false] {
             // Without adhesion a difference of one part in ten million grows a thousandfold within 180 steps, on the plain
@@ -146,7 +146,7 @@ fn fillets_that_fall_onto_each_other_agree_in_every_formulation() {
 }
 
 #[test]
-fn bonds_break_alike_and_go_on_as_contacts() {
+fn fast_path_matches_plain_path_for_broken_bonds_that_become_contacts() {
     let mut scene = drop();
     scene.laws.bond.normal_strength = 0.02;
     let without_contact = {
@@ -169,7 +169,7 @@ fn bonds_break_alike_and_go_on_as_contacts() {
 }
 
 #[test]
-fn single_spheres_pressed_together_agree_until_they_fly_apart() {
+fn fast_path_matches_plain_path_for_compressed_spheres_that_separate() {
     let states = assert_agrees("single spheres", &spheres(), &Course::of(HORIZON));
     // Contacts of the first that go together: from several a sphere to hardly any.
     let contacts = [&states[0], &states[states.len() - 1]].map(|state| {
@@ -180,7 +180,7 @@ fn single_spheres_pressed_together_agree_until_they_fly_apart() {
 }
 
 #[test]
-fn diagonal_bonds_agree() {
+fn fast_path_matches_plain_path_for_diagonal_bonds() {
     let shape = Teardrop { size_m: [0.172, 0.072, 0.032], mirrored: false };
     let meta = MetaParticle::fill(&shape, RADIUS, Fill::Centres, 2);
     let mut scene = drop();
@@ -190,7 +190,7 @@ fn diagonal_bonds_agree() {
 }
 
 #[test]
-fn long_steps_in_which_dashpots_are_held_back_agree() {
+fn fast_path_matches_plain_path_for_capped_dashpots() {
     let mut scene = drop();
     scene.laws.tissue = law(false, 1e-4, 0.3, 0.055);
     scene.laws.equipment = law(true, 1e-4, 0.5, 0.055);
@@ -208,7 +208,7 @@ fn long_steps_in_which_dashpots_are_held_back_agree() {
 }
 
 #[test]
-fn a_periodic_seam_agrees() {
+fn fast_path_matches_plain_path_across_a_periodic_boundary() {
     for period in [0.4, 0.12, 0.06] {
         let mut scene = drop();
         scene.bodies.iter_mut().for_each(|body| body.position.y += period / 2.0 - 0.01);
@@ -218,7 +218,7 @@ fn a_periodic_seam_agrees() {
 }
 
 #[test]
-fn surfaces_that_move_agree_and_feel_the_same_forces() {
+fn fast_path_matches_plain_path_for_moving_surfaces_and_their_loads() {
     let mut scene = drop();
     let lid = DVec3::new(-0.2, -0.2, 0.14);
     let spin = DVec3::new(0.3, 0.5, 0.0);
@@ -243,7 +243,7 @@ fn surfaces_that_move_agree_and_feel_the_same_forces() {
 }
 
 #[test]
-fn surfaces_cut_into_many_triangles_agree() {
+fn fast_path_matches_plain_path_for_surfaces_of_many_triangles() {
     let plate = onto(surface(cut_plate()), |x| x);
     assert_agrees("a plate of many triangles", &plate, &Course::of(HORIZON));
     let pipe = onto(surface(pipe(0.05, 300, 0.0, 2.0 * PI / 300.0)), |x| x * 0.5 - DVec3::Z * 0.03);
@@ -251,7 +251,7 @@ fn surfaces_cut_into_many_triangles_agree() {
 }
 
 #[test]
-fn bodies_that_have_strayed_meet() {
+fn fast_path_matches_plain_path_for_bodies_that_start_far_apart() {
     // Too far from each other to meet at first, and each by itself goes less than all of the way between.
     let far = 0.048 + RADIUS * 6.5;
     let bodies = vec![at(DVec3::ZERO, DVec3::X * 2.0), at(DVec3::X * far, DVec3::NEG_X * 2.0)];
@@ -262,7 +262,7 @@ fn bodies_that_have_strayed_meet() {
 }
 
 #[test]
-fn what_leaves_at_once_takes_no_pairs_of_others_along() {
+fn body_that_leaves_within_one_step_removes_no_pairs_of_others() {
     // The second touches the first, and in one step is too far from it to meet; its pairs stood before those of the third.
     let beside = |x: f64, speed: f64| at(DVec3::X * x * RADIUS, DVec3::X * speed);
     let bodies = vec![beside(0.0, 0.0), beside(8.0, 29.0), beside(-7.9, 1.0)];
@@ -271,7 +271,7 @@ fn what_leaves_at_once_takes_no_pairs_of_others_along() {
 }
 
 #[test]
-fn what_is_held_stays_and_pushes_alike() {
+fn fast_path_matches_plain_path_for_held_sub_particles() {
     let mut scene = drop();
     scene.held = (0..40).collect();
     // Some steps on, rounding decides when two neighbours graze; what that does spreads.
@@ -280,7 +280,7 @@ fn what_is_held_stays_and_pushes_alike() {
 }
 
 #[test]
-fn what_is_taken_out_is_gone_alike() {
+fn fast_path_matches_plain_path_after_removal_of_sub_particles() {
     let count = fillet().meta.points.len() as u32;
     // A whole fillet, which others touch; and a part of one.
     for serials in [(count..2 * count).collect(), (count + 10..count + 60).collect::<Vec<u32>>()] {
@@ -300,7 +300,7 @@ fn some_spheres_leave() -> (Scene, Course) {
 }
 
 #[test]
-fn single_spheres_that_are_taken_out_are_gone_alike() {
+fn fast_path_matches_plain_path_after_removal_of_single_spheres() {
     let (mut scene, course) = some_spheres_leave();
     assert_agrees("spheres taken out", &scene, &course);
     // Of two that touch one: the other is on its own, and nothing goes on pushing it.
@@ -330,12 +330,12 @@ fn settled() -> Scene {
 }
 
 #[test]
-fn a_settled_heap_agrees() {
+fn fast_path_matches_plain_path_for_a_settled_heap() {
     assert_agrees("settled", &settled(), &Course::of(500));
 }
 
 #[test]
-fn the_comparison_sees_a_small_change() {
+fn comparison_detects_a_stiffness_change_of_0_1_percent() {
     let scene = settled();
     let mut other = scene.clone();
     other.laws.bond.k_n *= 1.0 + 1e-3;
@@ -373,7 +373,7 @@ fn threads_and_instruction_sets_change_no_bit() {
 }
 
 #[test]
-fn waves_are_those_of_the_lattice() {
+fn stretched_pair_oscillates_at_its_natural_frequency_on_the_fast_path() {
     // A pair that is stretched swings at ω² = 2 k_n / m: the fast path has its own right to the closed form.
     let mut kind = block([2, 1, 1]);
     std::sync::Arc::make_mut(&mut kind.meta).points[1].x += 1e-5;
@@ -387,7 +387,7 @@ fn waves_are_those_of_the_lattice() {
 }
 
 #[test]
-fn a_larger_radius_towards_other_bodies_agrees() {
+fn fast_path_matches_plain_path_with_a_body_radius_ratio() {
     for ratio in [1.1, 1.225] {
         for (name, mut scene) in
             [("drop", drop()), ("heap", heap()), ("many", many()), ("spheres", spheres())]

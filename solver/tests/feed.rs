@@ -30,7 +30,7 @@ fn fed(feed_kg_s: f64, duration_s: f64, more: &[(&str, Value)]) -> Scenario {
 }
 
 #[test]
-fn the_feed_brings_its_rate_and_the_belt_carries_as_much() {
+fn feed_enters_at_its_rate_and_the_belt_discharges_the_same_rate() {
     let (rate, duration_s) = (2.0, 6.0);
     let result = run_on(2, &fed(rate, duration_s, &[]));
     let of = |name| response(&result, name);
@@ -52,7 +52,7 @@ fn the_feed_brings_its_rate_and_the_belt_carries_as_much() {
 }
 
 #[test]
-fn a_full_hopper_takes_no_more() {
+fn full_hopper_limits_the_feed_with_a_warning() {
     let more = [("/equipment/belt_speed_m_s", json!(0.0))];
     let result = run_on(2, &fed(20.0, 1.5, &more));
     let of = |name| response(&result, name);
@@ -90,7 +90,7 @@ fn refused(scenario: &Scenario, limits: &Limits) -> Vec<(String, Value)> {
 }
 
 #[test]
-fn a_feed_of_too_many_fillets_is_named() {
+fn feed_of_too_many_fillets_is_refused() {
     let few = Limits { max_subparticles: 400, ..Limits::NONE };
     assert_eq!(refused(&fed(2.0, 6.0, &[]), &few), [("/equipment/feed_kg_s".to_owned(), json!(2.0))]);
 }
@@ -110,7 +110,7 @@ fn a_feed_into_a_surface_is_refused() {
 }
 
 #[test]
-fn loads_that_make_too_many_numbers_are_refused() {
+fn surface_loads_with_too_many_samples_are_refused() {
     let many = [("/equipment/surface_loads", json!(true)), ("/numerics/output_interval_s", json!(0.0005))];
     // Five surfaces make 30 numbers in each sample, so 6.67 s at this interval are the most.
     let loads = [("/equipment/surface_loads".to_owned(), json!(true))];
@@ -151,7 +151,7 @@ fn with_entry(cpu: &Cpu, chunks: &[u64]) -> State {
 }
 
 #[test]
-fn an_entry_gives_equal_bits_for_any_chunks_and_threads() {
+fn entering_body_gives_the_same_bits_for_any_chunks_and_threads() {
     for path in [Cpu::plain as fn(usize) -> Cpu, Cpu::new] {
         let whole = with_entry(&path(1), &[1000]);
         assert_eq!(whole.serials, (48..144).collect::<Vec<u32>>());
@@ -163,7 +163,7 @@ fn an_entry_gives_equal_bits_for_any_chunks_and_threads() {
 }
 
 #[test]
-fn a_body_that_enters_early_is_as_one_that_was_there() {
+fn body_that_enters_at_once_equals_one_present_from_the_start() {
     let (scene, late) = entering();
     let moments = common::with_moments(scene.clone(), 1.0);
     for (cpu, scene) in [Cpu::plain(1), Cpu::new(1)].iter().flat_map(|cpu| [(cpu, &scene), (cpu, &moments)]) {

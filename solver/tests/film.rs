@@ -76,7 +76,7 @@ fn pull_pa(radius_m: f64, reference_m: Value) -> f64 {
 }
 
 #[test]
-fn a_wet_block_holds_a_plate_as_hard_with_spheres_of_any_size() {
+fn pull_off_stress_of_a_wet_block_does_not_depend_on_the_sphere_radius() {
     let expected = 3.0 * PI * GAMMA / (4.0 * REFERENCE_M);
     for radius_m in RADII_M {
         let found = pull_pa(radius_m, json!(REFERENCE_M));
@@ -95,7 +95,7 @@ fn pull_off_n(law: &ContactLaw) -> f64 {
 }
 
 #[test]
-fn every_kind_of_contact_pulls_alike_per_area_at_any_radius() {
+fn pull_off_force_per_area_is_independent_of_radius_for_every_contact() {
     for radius_m in RADII_M {
         let laws = scene_of(&wet(radius_m, json!(REFERENCE_M))).laws;
         let area = 4.0 * radius_m * radius_m;
@@ -108,7 +108,7 @@ fn every_kind_of_contact_pulls_alike_per_area_at_any_radius() {
 }
 
 #[test]
-fn the_radius_itself_changes_no_law() {
+fn reference_radius_equal_to_the_radius_leaves_the_laws_unchanged() {
     let plain = scene_of(&wet(0.005, Value::Null)).laws;
     assert_eq!(scene_of(&wet(0.005, json!(0.005))).laws, plain);
     assert_ne!(scene_of(&wet(0.005, json!(0.004))).laws, plain);

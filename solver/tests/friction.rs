@@ -66,7 +66,7 @@ fn roll(bench: &mut Bench) -> f64 {
 }
 
 #[test]
-fn a_stored_displacement_turns_with_the_contact_plane() {
+fn tangential_displacement_rotates_with_the_contact_plane() {
     // The normal makes a quarter turn from x to y in 1000 steps: what lay along y then lies along -x, as long as before.
     let mut xi = Vec3::new(0.0, 3e-5, 4e-5);
     for k in 1..=1000 {
@@ -81,7 +81,7 @@ fn a_stored_displacement_turns_with_the_contact_plane() {
 }
 
 #[test]
-fn a_stored_displacement_turns_with_spins_about_the_normal() {
+fn tangential_displacement_rotates_with_spins_about_the_normal() {
     // Both turn about the normal z as one body, by a quarter in 1000 steps: what held along x then holds along y. Where one turns
     // and the other stands, the contact goes half the way.
     let law = law(false, 0.3, 0.5, 0.0);
@@ -103,7 +103,7 @@ fn a_stored_displacement_turns_with_spins_about_the_normal() {
 }
 
 #[test]
-fn a_sphere_that_slides_begins_to_roll_as_its_inertia_says() {
+fn sliding_sphere_starts_to_roll_at_the_closed_form_time_and_speed() {
     let mut bench = Bench::new(&resting(block([1, 1, 1]), 1.0, DVec3::X, 0.0));
     // A hard sphere: at 5/7 of its speed, after 2v/7μg.
     let k = roll(&mut bench);
@@ -120,7 +120,7 @@ fn a_sphere_that_slides_begins_to_roll_as_its_inertia_says() {
 }
 
 #[test]
-fn a_sphere_rolls_down_a_slope_as_its_inertia_says() {
+fn rolling_sphere_has_the_closed_form_acceleration_on_a_slope() {
     let mut bench = Bench::new(&resting(block([1, 1, 1]), 1.0, DVec3::ZERO, 30.0));
     bench.steps(10_000);
     let (_, before) = travel(&mut bench);
@@ -155,7 +155,7 @@ fn a_block_on_an_incline_holds_below_the_angle_of_friction_and_slides_above_it()
 }
 
 #[test]
-fn a_belt_takes_a_block_along_at_mu_g_and_then_at_its_speed() {
+fn belt_accelerates_a_block_at_mu_g_up_to_its_speed() {
     let mut scene = resting(truss(), 2.0, DVec3::ZERO, 0.0);
     scene.surfaces[0].motion = Motion::Belt { velocity: DVec3::X * 0.25 };
     let mut bench = Bench::new(&scene);
@@ -171,7 +171,7 @@ fn a_belt_takes_a_block_along_at_mu_g_and_then_at_its_speed() {
 }
 
 #[test]
-fn adhesion_does_not_hold_what_slides() {
+fn adhesion_does_not_change_sliding_friction() {
     // The cap is on the total normal force, adhesion included: it neither adds to nor takes from the friction.
     let mut scene = resting(truss(), 2.0, DVec3::X, 0.0);
     scene.laws.equipment = law(true, 0.2, MU, 0.055);
@@ -181,7 +181,7 @@ fn adhesion_does_not_hold_what_slides() {
 }
 
 #[test]
-fn the_cubic_lattice_slides_farther_because_its_neighbours_turn_like_gears() {
+fn neighbours_in_a_sliding_cubic_lattice_counter_rotate() {
     let mut scene = resting(block([4, 4, 1]), 1.0, DVec3::ZERO, 28.0);
     scene.laws.bond.break_length /= 1.5;
     let mut bench = Bench::new(&scene);
@@ -192,7 +192,7 @@ fn the_cubic_lattice_slides_farther_because_its_neighbours_turn_like_gears() {
 }
 
 #[test]
-fn a_pair_slides_sooner_because_it_turns_like_gears() {
+fn bonded_pair_slides_below_its_angle_of_friction() {
     // Two bonded spheres in a row down the slope. Friction F turns each alike, by F R; the bond holds against that with a shear S on
     // either, by S R: F = S, which takes as much load off the upper as it puts on the lower. Both must bear the same
     // friction, for they can turn against each other: m g sin α = F ≤ μ (m g cos α − S), and so tan α = μ/(1 + μ), 18.4°.

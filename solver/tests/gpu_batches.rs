@@ -24,7 +24,7 @@ use roost_solver::gpu::source::Source;
 use roost_solver::gpu::{Device, Gpu, catch_out_of_memory, typical_run_bytes};
 
 #[test]
-fn a_batch_gives_the_bits_of_each_alone() {
+fn batch_gives_the_same_bits_as_single_runs() {
     let Some(gpu) = gpu() else { return };
     // Eight hoppers with gates from 3 to 6.5 cm, each for another number of steps, half of them on the move.
     let scenes: Vec<Scene> = (0..8).map(|k| scene_of(&small_hopper(0.03 + 0.005 * f64::from(k)))).collect();
@@ -45,7 +45,7 @@ fn a_batch_gives_the_bits_of_each_alone() {
 }
 
 #[test]
-fn what_does_not_fit_in_one_batch_is_advanced_in_several() {
+fn runs_that_exceed_one_batch_are_advanced_in_several() {
     let Some(gpu) = gpu() else { return };
     // Single spheres in flight: three times 150,000 are more than lavapipe takes in one buffer.
     let place = |k: u32| DVec3::new(f64::from(k % 60), f64::from(k / 60 % 60), f64::from(k / 3600)) * 0.012;
@@ -66,7 +66,7 @@ fn what_does_not_fit_in_one_batch_is_advanced_in_several() {
 }
 
 #[test]
-fn a_run_that_ends_within_a_chunk_keeps_what_touches_its_moving_surfaces() {
+fn run_that_ends_within_a_chunk_keeps_contacts_with_moving_surfaces() {
     let Some(gpu) = gpu() else { return };
     let moving = |bodies: Option<Placement>, velocity| {
         let lifts = Motion::Moving { velocity, pivot: DVec3::ZERO, spin: DVec3::X * 0.3 };
@@ -107,7 +107,7 @@ fn words<T: std::fmt::Debug>(run: impl FnOnce() -> T) -> String {
 }
 
 #[test]
-fn a_run_too_large_for_the_device_fails_alone_and_in_words() {
+fn run_too_large_for_the_device_fails_alone_with_the_reason() {
     let Some(device) = parity::device() else { return };
     // Two runs of three blocks are one too many; five blocks are too many for one.
     let gpu = open(device.limited(60_000));
@@ -128,7 +128,7 @@ fn a_run_too_large_for_the_device_fails_alone_and_in_words() {
 const STEPS: u64 = 120;
 
 #[test]
-fn a_batch_is_as_large_as_the_memory() {
+fn batch_size_is_limited_by_device_memory() {
     let Some(device) = parity::device() else { return };
     let scenes: Vec<Scene> = [0.03, 0.04, 0.05, 0.06].map(|gate| scene_of(&small_hopper(gate))).into();
     let first = open(device.clone());
@@ -177,7 +177,7 @@ fn a_batch_is_as_large_as_the_memory() {
 }
 
 #[test]
-fn a_batch_whose_rows_outgrow_the_device_is_cut() {
+fn batch_is_split_when_its_rows_exceed_device_memory() {
     let Some(device) = parity::device() else { return };
     let scene = onto(surface(pipe(0.05, 300, 0.0, TAU / 300.0)), |x| x * 0.5 - DVec3::Z * 0.03);
     let first = open(device.clone());
@@ -198,7 +198,7 @@ fn a_batch_whose_rows_outgrow_the_device_is_cut() {
 }
 
 #[test]
-fn a_run_whose_rows_find_no_room_goes_and_the_others_live_on() {
+fn run_whose_rows_exceed_device_memory_fails_and_others_continue() {
     let Some(device) = parity::device() else { return };
     // Within a pipe of narrow facets rows become far longer than at first; of the blocks they do not.
     let scene = onto(surface(pipe(0.05, 1200, 0.0, TAU / 1200.0)), |x| x * 0.5 - DVec3::Z * 0.03);
@@ -224,13 +224,13 @@ fn a_run_whose_rows_find_no_room_goes_and_the_others_live_on() {
         assert!(words.contains("bytes of its memory are needed"), "{words}");
         other.plain.advance(&mut [(&mut other.plain_run, 300)]);
         other.assert_same();
-        other.stay_the_same(300, 100);
+        other.assert_equal_for(300, 100);
         assert!(!gpu.has_failed());
     }
 }
 
 #[test]
-fn a_device_that_is_lost_says_so_to_every_run() {
+fn lost_device_fails_every_run_with_the_reason() {
     let Some(device) = parity::device() else { return };
     let gpu = open(device.clone());
     let mut runs: Vec<_> = (0..3).map(|_| gpu.prepare(&blocks())).collect();

@@ -5,7 +5,7 @@ use roost_solver::gpu::source::Source;
 use wgpu::naga::{TypeInner, front::wgsl};
 
 #[test]
-fn types_lie_alike_in_rust_and_in_wgsl() {
+fn struct_layouts_are_equal_in_rust_and_wgsl() {
     let text = Source::kernels().text("");
     let module = wgsl::parse_str(&text).unwrap_or_else(|error| panic!("{}", error.emit_to_string(&text)));
     for (name, size, fields) in layout::all() {

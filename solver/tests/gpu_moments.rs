@@ -13,7 +13,7 @@ use roost_solver::engine::scene::Placement;
 use roost_solver::physics::bond::{BondLaw, BondModel};
 
 #[test]
-fn moments_of_bonds_give_the_same_bits() {
+fn gpu_matches_plain_path_for_bond_moments() {
     let Some(gpu) = gpu() else { return };
     for (model, strength) in [(BondModel::Corotated, f32::INFINITY), (BondModel::FiniteExtension, 0.03)] {
         let mut scene = with_moments(blocks(), 1.0);
@@ -21,17 +21,17 @@ fn moments_of_bonds_give_the_same_bits() {
         scene.bodies.push(scene.bodies[0]);
         scene.waiting = 1;
         let mut both = Both::new(&gpu, &scene);
-        both.stay_the_same(1000, 250);
+        both.assert_equal_for(1000, 250);
         let broken = gpu.state(&mut both.gpu_run).bonds_broken;
         assert_eq!(broken > 10, strength < 1.0, "{broken} bonds broken");
         let late = Placement { position: DVec3::new(-0.1, 0.1, 0.03), ..scene.bodies[0] };
         both.plain.enter(&mut both.plain_run, &scene, scene.bodies.len() - 1, &[late]);
         both.gpu.enter(&mut both.gpu_run, &scene, scene.bodies.len() - 1, &[late]);
-        both.stay_the_same(500, 100);
+        both.assert_equal_for(500, 100);
         let some: Vec<u32> = (10..20).collect();
         both.plain.remove(&mut both.plain_run, &some);
         both.gpu.remove(&mut both.gpu_run, &some);
-        both.stay_the_same(500, 100);
+        both.assert_equal_for(500, 100);
     }
 }
 

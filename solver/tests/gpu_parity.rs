@@ -34,15 +34,15 @@ use roost_solver::{Flow, Progress};
 use serde_json::json;
 
 #[test]
-fn blocks_fall_alike() {
+fn gpu_matches_plain_path_for_falling_blocks() {
     let Some(gpu) = gpu() else { return };
     let mut both = Both::new(&gpu, &blocks());
-    both.stay_the_same(20, 1);
-    both.stay_the_same(3000, 100);
+    both.assert_equal_for(20, 1);
+    both.assert_equal_for(3000, 100);
 }
 
 #[test]
-fn every_law_gives_the_same_bits() {
+fn gpu_matches_plain_path_for_every_contact_and_bond_law() {
     let Some(gpu) = gpu() else { return };
     for model in [BondModel::Corotated, BondModel::AsPublished, BondModel::FiniteExtension] {
         for (gamma, mu, between_bonded) in [(0.0, 0.3, true), (0.055, 0.0, false), (0.055, 0.6, true)] {
@@ -51,24 +51,24 @@ fn every_law_gives_the_same_bits() {
             scene.laws.tissue = law(false, 0.3, mu, gamma);
             scene.laws.equipment = law(true, 0.3, mu, gamma);
             scene.laws.contact_between_bonded = between_bonded;
-            Both::new(&gpu, &scene).stay_the_same(1000, 250);
+            Both::new(&gpu, &scene).assert_equal_for(1000, 250);
         }
     }
 }
 
 #[test]
-fn bonds_break_alike() {
+fn gpu_matches_plain_path_for_breaking_bonds() {
     let Some(gpu) = gpu() else { return };
     let mut scene = blocks();
     scene.laws.bond = BondLaw { normal_strength: 0.02, shear_strength: 0.02, ..bonds() };
     let mut both = Both::new(&gpu, &scene);
-    both.stay_the_same(1500, 50);
+    both.assert_equal_for(1500, 50);
     let broken = gpu.state(&mut both.gpu_run).bonds_broken;
     assert!((10..300).contains(&broken), "{broken} bonds broken");
 }
 
 #[test]
-fn what_is_held_and_what_moves_is_alike() {
+fn gpu_matches_plain_path_for_held_sub_particles_and_moving_surfaces() {
     let Some(gpu) = gpu() else { return };
     let mut scene = blocks();
     scene.held = (0..8).collect();
@@ -82,34 +82,34 @@ fn what_is_held_and_what_moves_is_alike() {
         plate(SurfaceKind::Frictionless).until_start(),
     ];
     let mut both = Both::new(&gpu, &scene);
-    both.stay_the_same(600, 60);
+    both.assert_equal_for(600, 60);
     both.plain.start(&mut both.plain_run);
     both.gpu.start(&mut both.gpu_run);
     both.assert_same();
-    both.stay_the_same(1200, 60);
+    both.assert_equal_for(1200, 60);
 }
 
 #[test]
-fn a_larger_radius_towards_other_bodies_is_alike() {
+fn gpu_matches_plain_path_with_a_body_radius_ratio() {
     let Some(gpu) = gpu() else { return };
     for ratio in [1.225, 1.5] {
         let mut scene = blocks();
         scene.laws.body_radius_ratio = ratio;
-        Both::new(&gpu, &scene).stay_the_same(1000, 250);
+        Both::new(&gpu, &scene).assert_equal_for(1000, 250);
         let mut hopper = scene_of(&small_hopper(0.06));
         hopper.laws.body_radius_ratio = ratio;
-        Both::new(&gpu, &hopper).stay_the_same(500, 250);
+        Both::new(&gpu, &hopper).assert_equal_for(500, 250);
     }
 }
 
 #[test]
-fn a_hopper_fills_and_discharges_alike() {
+fn gpu_matches_plain_path_for_filling_and_discharge_of_a_hopper() {
     let Some(gpu) = gpu() else { return };
     let mut both = Both::new(&gpu, &scene_of(&small_hopper(0.06)));
-    both.stay_the_same(600, 50);
+    both.assert_equal_for(600, 50);
     both.plain.start(&mut both.plain_run);
     both.gpu.start(&mut both.gpu_run);
-    both.stay_the_same(600, 50);
+    both.assert_equal_for(600, 50);
     let leaves: Vec<u32> = {
         let state = gpu.state(&mut both.gpu_run);
         let of = |i: &usize| [2, 7].contains(&state.bodies[*i]);
@@ -118,18 +118,18 @@ fn a_hopper_fills_and_discharges_alike() {
     both.plain.remove(&mut both.plain_run, &leaves);
     both.gpu.remove(&mut both.gpu_run, &leaves);
     both.assert_same();
-    both.stay_the_same(300, 50);
+    both.assert_equal_for(300, 50);
 }
 
 #[test]
-fn bodies_that_enter_move_alike() {
+fn gpu_matches_plain_path_for_entering_bodies() {
     let Some(gpu) = gpu() else { return };
     let mut scene = blocks();
     let later: Vec<Placement> = (0..12).map(|_| scene.bodies[0]).collect();
     scene.bodies.extend(&later);
     scene.waiting = later.len();
     let mut both = Both::new(&gpu, &scene);
-    both.stay_the_same(200, 50);
+    both.assert_equal_for(200, 50);
     // More and more at a time, so that the buffers of the device grow, and with one gone in between.
     for (first, count) in [(3, 1), (4, 3), (7, 8)] {
         let place = |k: usize| {
@@ -141,17 +141,17 @@ fn bodies_that_enter_move_alike() {
         both.plain.enter(&mut both.plain_run, &scene, first, &bodies);
         both.gpu.enter(&mut both.gpu_run, &scene, first, &bodies);
         both.assert_same();
-        both.stay_the_same(200, 50);
+        both.assert_equal_for(200, 50);
         let gone: Vec<u32> = (48 * first as u32..48 * first as u32 + 48).collect();
         both.plain.remove(&mut both.plain_run, &gone);
         both.gpu.remove(&mut both.gpu_run, &gone);
-        both.stay_the_same(50, 50);
+        both.assert_equal_for(50, 50);
     }
     assert_eq!(gpu.state(&mut both.gpu_run).particles.len(), 48 * 12);
 }
 
 #[test]
-fn kernels_that_the_driver_refuses_are_an_error_in_words() {
+fn kernels_refused_by_the_driver_are_an_error_with_the_reason() {
     let Some(device) = parity::device() else { return };
     let source = Source::kernels().with("step", "moved[i] = me;", "moved[i] = nobody;");
     let error = Gpu::with(device, &source).expect_err("there is no such name").to_string();
@@ -159,7 +159,7 @@ fn kernels_that_the_driver_refuses_are_an_error_in_words() {
 }
 
 #[test]
-fn what_diverges_stops_at_the_same_step_for_the_same_reason() {
+fn gpu_divergence_stops_at_the_same_step_for_the_same_reason() {
     let Some(gpu) = gpu() else { return };
     let mut fast = blocks();
     fast.speed_limit_m_s = 2.01;
@@ -176,7 +176,7 @@ fn what_diverges_stops_at_the_same_step_for_the_same_reason() {
 }
 
 #[test]
-fn surfaces_of_many_facets_are_felt_alike() {
+fn gpu_matches_plain_path_for_surfaces_of_many_facets() {
     let Some(gpu) = gpu() else { return };
     let (turn, away) = tilt();
     let turning =
@@ -194,10 +194,10 @@ fn surfaces_of_many_facets_are_felt_alike() {
     ];
     for scene in scenes {
         let mut both = Both::new(&gpu, &scene);
-        both.stay_the_same(200, 50);
+        both.assert_equal_for(200, 50);
         both.plain.start(&mut both.plain_run);
         both.gpu.start(&mut both.gpu_run);
-        both.stay_the_same(400, 50);
+        both.assert_equal_for(400, 50);
         let force = both.gpu.surface_forces(&mut both.gpu_run)[0].length();
         let wall_slots = both.gpu_run.wall_capacity();
         println!("{force:.3} N, {wall_slots} facets");
@@ -206,28 +206,28 @@ fn surfaces_of_many_facets_are_felt_alike() {
 }
 
 #[test]
-fn a_periodic_domain_is_alike() {
+fn gpu_matches_plain_path_in_a_periodic_domain() {
     let Some(gpu) = gpu() else { return };
     // The blocks touch their own images across the seam; the second period is two cells of the grid wide.
     for period in [0.034, 0.0311] {
         let mut scene = blocks();
         scene.bodies.iter_mut().for_each(|body| body.position.y += 0.014);
         (scene.low.y, scene.high.y, scene.periodic_y) = (-period / 2.0, period / 2.0, true);
-        Both::new(&gpu, &scene).stay_the_same(1000, 100);
+        Both::new(&gpu, &scene).assert_equal_for(1000, 100);
     }
 }
 
 #[test]
-fn lists_that_no_longer_hold_are_built_anew_in_time() {
+fn gpu_rebuilds_neighbour_lists_before_they_are_invalid() {
     let Some(gpu) = gpu() else { return };
     // At 8 m/s half the skin is crossed in two steps, and what falls is slow at first and fast in the end.
     let mut scene = blocks();
     scene.bodies.push(at(DVec3::new(-0.05, 0.0, 0.3), DVec3::new(1.0, 0.0, -8.0)));
-    Both::new(&gpu, &scene).stay_the_same(1500, 500);
+    Both::new(&gpu, &scene).assert_equal_for(1500, 500);
 }
 
 #[test]
-fn every_experiment_has_the_result_of_the_plain_path() {
+fn gpu_result_equals_the_plain_path_for_every_experiment() {
     let Some(gpu) = gpu() else { return };
     for scenario in experiments() {
         let mut keep_on = |_: &Progress| Flow::Continue;
@@ -246,7 +246,7 @@ fn every_experiment_has_the_result_of_the_plain_path() {
 }
 
 #[test]
-fn runs_that_are_killed_go_on_with_the_bits_of_the_plain_path() {
+fn killed_gpu_runs_resume_with_the_bits_of_the_plain_path() {
     let Some(gpu) = gpu() else { return };
     let plain = Cpu::plain(1);
     for (number, scenario) in experiments().iter().enumerate() {
@@ -261,7 +261,7 @@ fn runs_that_are_killed_go_on_with_the_bits_of_the_plain_path() {
 }
 
 #[test]
-fn an_error_in_any_stage_is_found_in_a_whole_scene() {
+fn planted_errors_in_every_gpu_stage_are_detected() {
     let Some(device) = parity::device() else { return };
     // File, what stands there, what is planted.
     let planted = [

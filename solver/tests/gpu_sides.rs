@@ -37,7 +37,7 @@ fn strikes() -> [(Scene, DVec3, DVec3); 3] {
 }
 
 #[test]
-fn what_strikes_surfaces_fast_is_alike() {
+fn gpu_matches_plain_path_for_fast_impacts_on_surfaces() {
     let Some(gpu) = gpu() else { return };
     let mut total = 0;
     for (scene, at, up) in strikes() {
@@ -46,7 +46,7 @@ fn what_strikes_surfaces_fast_is_alike() {
         both.gpu.start(&mut both.gpu_run);
         let mut beyond = 0;
         for _ in 0..20 {
-            both.stay_the_same(4, 2);
+            both.assert_equal_for(4, 2);
             let state = gpu.state(&mut both.gpu_run);
             let below = |i: &usize| (state.position(*i) - at).dot(up) < 0.0;
             beyond = beyond.max((0..state.particles.len()).filter(below).count());
@@ -57,7 +57,7 @@ fn what_strikes_surfaces_fast_is_alike() {
 }
 
 #[test]
-fn an_error_in_the_memory_of_sides_is_found() {
+fn planted_errors_in_side_tracking_are_detected() {
     let Some(device) = parity::device() else { return };
     let ([_, (tilted, ..), _], slot) = (strikes(), in_a_slot(0.8 * RADIUS));
     let planted = [
@@ -93,18 +93,18 @@ fn in_a_slot(width: f64) -> Scene {
 }
 
 #[test]
-fn a_narrow_slot_keeps_spheres_alike() {
+fn gpu_matches_plain_path_for_spheres_in_a_narrow_slot() {
     let Some(gpu) = gpu() else { return };
     for width in [0.8, 1.0, 1.35, 1.7].map(|width| width * RADIUS) {
         let mut both = Both::new(&gpu, &in_a_slot(width));
-        both.stay_the_same(1500, 50);
+        both.assert_equal_for(1500, 50);
         let state = gpu.state(&mut both.gpu_run);
         assert!((0..8).all(|i| (state.position(i).x / width - 0.5).abs() < 0.5));
     }
 }
 
 #[test]
-fn surfaces_that_disappear_let_go_alike() {
+fn gpu_matches_plain_path_for_surfaces_that_disappear() {
     let Some(gpu) = gpu() else { return };
     for (mut scene, at, up) in strikes() {
         scene.surfaces = scene.surfaces.into_iter().map(|surface| surface.until_start()).collect();
@@ -115,10 +115,10 @@ fn surfaces_that_disappear_let_go_alike() {
         let below = |state: &State, i: &usize| (state.position(*i) - at).dot(up) < 0.0;
         let beyond = |state: &State| (0..state.particles.len()).filter(|i| below(state, i)).count();
         while beyond(gpu.state(&mut both.gpu_run)) < 3 {
-            both.stay_the_same(8, 8);
+            both.assert_equal_for(8, 8);
         }
         both.plain.start(&mut both.plain_run);
         both.gpu.start(&mut both.gpu_run);
-        both.stay_the_same(100, 10);
+        both.assert_equal_for(100, 10);
     }
 }

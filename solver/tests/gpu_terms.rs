@@ -353,7 +353,7 @@ fn terms() -> Vec<Term> {
 }
 
 #[test]
-fn terms_are_bit_equal() {
+fn gpu_force_terms_equal_cpu_force_terms_bit_for_bit() {
     let Some(device) = parity::device() else { return };
     let source = Source::terms();
     let differences: Vec<String> =
@@ -362,7 +362,7 @@ fn terms_are_bit_equal() {
 }
 
 #[test]
-fn an_error_in_any_term_is_found_and_named() {
+fn planted_errors_in_every_force_term_are_detected_by_name() {
     let Some(device) = parity::device() else { return };
     // File, what stands there, what is planted, the first term that tells.
     let planted = [

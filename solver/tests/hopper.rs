@@ -55,7 +55,7 @@ fn loaded(result: &RunResult) -> f64 {
 }
 
 #[test]
-fn all_that_went_in_comes_out() {
+fn emptied_hopper_discharges_its_whole_mass() {
     let result = run(&[("/numerics/duration_s", json!(20.0)), ("/equipment/belt_speed_m_s", json!(0.5))]);
     assert_eq!(result.end_reason, EndReason::Empty);
     let mass = loaded(&result);
@@ -111,7 +111,7 @@ fn a_run_of_its_whole_duration_is_sampled_at_the_interval() {
 }
 
 #[test]
-fn a_fill_that_has_no_time_to_rest_says_so() {
+fn fill_not_at_rest_in_time_ends_the_run() {
     let result = run(&[("/numerics/max_fill_s", json!(0.05))]);
     assert_eq!(result.end_reason, EndReason::FillNotAtRest);
     assert!(masses(&result).values.is_empty());
@@ -123,7 +123,7 @@ fn a_fill_that_has_no_time_to_rest_says_so() {
 }
 
 #[test]
-fn a_belt_that_stands_still_is_a_jam() {
+fn stationary_belt_is_a_jam() {
     let standing = [
         ("/equipment/belt_speed_m_s", json!(0.0)),
         ("/equipment/gate_opening_m", json!(0.02)),
@@ -165,7 +165,7 @@ fn a_fall_faster_than_the_speed_limit_is_unstable_and_keeps_its_samples() {
 }
 
 #[test]
-fn every_kind_of_side_wall_runs() {
+fn hopper_runs_with_every_kind_of_side_wall() {
     let mut seen = Vec::new();
     for walls in ["rough", "frictionless", "periodic"] {
         let result =
@@ -180,7 +180,7 @@ fn every_kind_of_side_wall_runs() {
 }
 
 #[test]
-fn a_leaning_wall_and_an_open_gate_run() {
+fn hopper_runs_with_a_sloped_wall_and_without_a_shutter() {
     let result = run(&[("/equipment/wall_slope_deg", json!(10.0))]);
     assert_eq!(result.end_reason, EndReason::Duration);
     assert_eq!(response(&result, "escaped_kg"), 0.0);
@@ -207,7 +207,7 @@ fn the_fill_does_not_depend_on_the_opening() {
 }
 
 #[test]
-fn every_formulation_runs() {
+fn hopper_runs_with_every_bond_formulation() {
     for formulation in ["finite_extension", "as_published"] {
         let result = run(&[("/bonds/formulation", json!(formulation))]);
         assert_eq!(result.end_reason, EndReason::Duration, "{formulation}: {:?}", result.instability);
@@ -217,7 +217,7 @@ fn every_formulation_runs() {
 }
 
 #[test]
-fn bonds_that_reach_no_farther_than_they_are_long_break() {
+fn bonds_with_a_small_contact_radius_ratio_break() {
     let result = run(&[("/bonds/contact_radius_ratio", json!(1.01)), ("/numerics/duration_s", json!(0.1))]);
     let intact = &result.series("bonds_intact_fraction").expect("there").values;
     assert_eq!(intact[0], 1.0);
@@ -245,7 +245,7 @@ fn written(surface: &Surface) -> Value {
 }
 
 #[test]
-fn a_hopper_written_surface_by_surface_is_the_same_to_the_bit() {
+fn hopper_given_as_surfaces_equals_the_parametric_hopper_bit_for_bit() {
     for walls in ["frictionless", "periodic"] {
         let fields = [
             ("/equipment/side_walls", json!(walls)),
@@ -273,7 +273,7 @@ fn a_hopper_written_surface_by_surface_is_the_same_to_the_bit() {
 }
 
 #[test]
-fn further_surfaces_are_felt_and_widen_the_domain() {
+fn additional_surfaces_act_on_fillets_and_extend_the_domain() {
     // A lid over the opening: the belt runs, and nothing comes out.
     let lid = json!({"name": "lid", "plate_m": [[0, -0.075, 0], [0, 0.15, 0], [0, 0, 0.1]]});
     let closed = run(&[("/equipment/surfaces", json!([lid]))]);

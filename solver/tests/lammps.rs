@@ -27,7 +27,7 @@ fn greatest(curve: &[(f64, f64)]) -> (usize, f64) {
 }
 
 #[test]
-fn jkr_presses_and_pulls_as_in_lammps() {
+fn jkr_force_matches_lammps_in_compression_and_tension() {
     for (against, speed) in [(Sphere, 0.06), (Wall, 0.085)] {
         let what = format!("JKR {}", against.name());
         let table = Table::read(&format!("jkr_{}.csv", against.name()));
@@ -81,7 +81,7 @@ fn assert_rubs_agree(what: &str, expected: &Rub, found: &Rub, percent: f64) {
 }
 
 #[test]
-fn friction_loads_slides_and_turns_as_in_lammps() {
+fn friction_matches_lammps_in_loading_sliding_and_torque() {
     let pair = rub_pair(Sphere.law(1.0, 0.1, 0.0), 2e-4, 6e-5);
     assert_rubs_agree("Mindlin on Hertz, pair", &Rub::read("rub_hertz_pair.csv"), &pair, 0.05);
     let wall = rub_wall(Wall.law(1.0, 0.5, 0.0), 2e-4, 2.5e-4);
@@ -89,7 +89,7 @@ fn friction_loads_slides_and_turns_as_in_lammps() {
 }
 
 #[test]
-fn mindlins_spring_is_that_of_lammps_under_adhesion_too() {
+fn mindlin_spring_matches_lammps_with_adhesion() {
     // So much friction that nothing slides, and deep enough that all pushes: the caps of the two codes differ.
     let pair = rub_pair(Sphere.law(1.0, 100.0, 0.055), 1e-4, 2e-5);
     assert_rubs_agree("Mindlin on JKR, pair", &Rub::read("rub_jkr_pair.csv"), &pair, 0.05);
@@ -110,7 +110,7 @@ fn parting(overlaps: &[(f64, f64)]) -> f64 {
 }
 
 #[test]
-fn collisions_are_damped_as_in_lammps() {
+fn collision_damping_matches_lammps() {
     for against in [Sphere, Wall] {
         for (restitution, file) in [(0.5, "50"), (0.2, "20")] {
             let law = against.law(restitution, 0.0, 0.0);
@@ -141,7 +141,7 @@ fn collisions_are_damped_as_in_lammps() {
 }
 
 #[test]
-fn the_restitution_that_tsuji_is_told_gives_the_same_dashpot() {
+fn tsuji_damping_with_converted_restitution_gives_the_same_dashpot() {
     // LAMMPS: η = α(e) √(m* 4/3 E* a), α a polynomial. The solver: η = f √(m* 2E* a). So α must be √1.5 f.
     let coefficients = [1.2728, -4.2783, 11.087, -22.348, 27.467, -18.022, 4.8218];
     let alpha = |e: f64| coefficients.iter().rev().fold(0.0, |sum, c| sum * e + c);
@@ -154,7 +154,7 @@ fn the_restitution_that_tsuji_is_told_gives_the_same_dashpot() {
 }
 
 #[test]
-fn an_oblique_collision_turns_spheres_as_in_lammps() {
+fn oblique_collision_matches_lammps() {
     // At the wall LAMMPS' arm is R and the solver's what is left of it, 0.8 % less at the deepest.
     for (against, mu, across, percent) in [(Sphere, 0.1, 0.003, 0.15), (Wall, 0.5, 0.015, 0.8)] {
         let what = format!("oblique {}", against.name());

@@ -17,7 +17,7 @@ fn laws_of(fields: &[(&str, Value)]) -> Laws {
 }
 
 #[test]
-fn table_2_in_numbers() {
+fn contact_and_bond_laws_have_the_values_of_table_2() {
     let laws = laws_of(&[]);
     // E / 2(1 − ν²), E / (1 − ν²), and the same for G* with 4 and 2 times (1 + ν)(2 − ν).
     assert_close(f64::from(laws.tissue.e_star), 28_154.9, 1e-4);
@@ -55,7 +55,7 @@ fn stiffness_per_area_holds_at_the_reference_radius() {
 }
 
 #[test]
-fn every_field_goes_where_it_belongs() {
+fn every_bond_and_contact_field_sets_its_law() {
     let laws = laws_of(&[
         ("/bonds/disk_scale", json!(0.5)),
         ("/bonds/normal_strength_pa", json!(1000.0)),
@@ -83,7 +83,7 @@ fn every_field_goes_where_it_belongs() {
 }
 
 #[test]
-fn the_shapes_are_mirrored_in_turn_and_weigh_what_their_density_says() {
+fn shapes_alternate_with_mirror_images_and_have_the_mass_of_their_density() {
     let all = kinds(&with(&[]));
     assert_eq!(all.len(), 6);
     let mut differ = 0;
@@ -110,7 +110,7 @@ fn the_shapes_are_mirrored_in_turn_and_weigh_what_their_density_says() {
 }
 
 #[test]
-fn every_fillet_hangs_together() {
+fn every_filled_fillet_is_connected() {
     // However coarse the lattice: cells that only touch by an edge are not fillets of their own.
     for tenths in 40..200 {
         for fill in ["centres", "whole_spheres"] {

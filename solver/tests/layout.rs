@@ -149,7 +149,7 @@ fn circular(graph: &BTreeMap<String, BTreeSet<String>>) -> Vec<String> {
 }
 
 #[test]
-fn the_fast_path_has_no_import_circles() {
+fn the_fast_path_has_no_import_cycles() {
     let graph = fast_path_imports();
     let edges: usize = graph.values().map(BTreeSet::len).sum();
     assert!(graph.len() > 30 && edges > 100, "{} modules, {edges} imports", graph.len());
@@ -170,7 +170,7 @@ fn the_folders_of_the_fast_path_import_in_one_direction() {
 }
 
 #[test]
-fn a_circle_and_a_forbidden_import_are_found() {
+fn import_cycles_and_forbidden_imports_are_detected() {
     let set = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<BTreeSet<_>>();
     let graph = [("a", set(&["b"])), ("b", set(&["c"])), ("c", set(&["b"])), ("d", set(&["a"]))];
     let graph = graph.map(|(name, imported)| (name.to_owned(), imported)).into();

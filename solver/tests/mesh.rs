@@ -56,7 +56,7 @@ fn a_binary_file_whose_header_says_solid_is_binary() {
 }
 
 #[test]
-fn ascii_may_be_written_in_many_ways() {
+fn ascii_variants_are_read_like_the_plain_file() {
     let plain = read(ascii(&brick()).as_bytes(), Units::Mm).expect("sound").triangles;
     let capitals = ascii(&brick()).to_uppercase().replace('\n', "\r\n");
     let old_mac = ascii(&brick()).replace('\n', "\r");
@@ -74,7 +74,7 @@ fn ascii_may_be_written_in_many_ways() {
 }
 
 #[test]
-fn what_is_wrong_with_a_file_is_named_with_numbers() {
+fn invalid_files_are_refused_with_the_reason_and_numbers() {
     let (whole, text) = (binary(&brick()), ascii(&brick()));
     let empty_ascii = b"solid nothing\nendsolid nothing\n";
     let huge_count = [&[0; 80][..], &u32::MAX.to_le_bytes(), &[0; 50]].concat();
@@ -111,7 +111,7 @@ fn what_is_wrong_with_a_file_is_named_with_numbers() {
 }
 
 #[test]
-fn a_size_that_cannot_be_meant_asks_after_the_units() {
+fn implausible_size_is_refused_with_a_hint_about_units() {
     let brick_m = moved(&brick(), |p| p * 1e-3);
     let small = read(&binary(&brick_m), Units::Mm).expect_err("30 µm").to_string();
     assert!(small.contains("are the units right?") && small.contains("millimetres"), "{small}");
@@ -126,7 +126,7 @@ fn a_size_that_cannot_be_meant_asks_after_the_units() {
 }
 
 #[test]
-fn holes_turned_neighbours_and_slivers_are_counted() {
+fn open_edges_reversed_edges_and_degenerate_triangles_are_counted() {
     let mut open = brick();
     open.remove(11);
     let found = mesh(&open);
@@ -167,7 +167,7 @@ fn holes_turned_neighbours_and_slivers_are_counted() {
 }
 
 #[test]
-fn a_turned_ball_keeps_its_volume() {
+fn rotated_ball_mesh_keeps_its_volume() {
     let turn = DQuat::from_euler(glam::EulerRot::ZYX, 0.7, 0.4, -1.1);
     let found = mesh(&moved(&ball(0.05, 4), |p| turn * p + DVec3::new(3.0, -2.0, 1.0)));
     assert_eq!(found.triangles.len(), 2048);
@@ -235,7 +235,7 @@ fn no_file_makes_the_reader_panic() {
 }
 
 #[test]
-fn the_largest_files_are_known_in_seconds() {
+fn largest_mesh_files_are_read_in_seconds() {
     let start = Instant::now();
     // All corners of all triangles in the way of each other: a fan about one point, a book about one edge.
     let around = |k: u32| {

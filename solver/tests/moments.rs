@@ -28,7 +28,7 @@ fn potyondy() -> MomentLaw {
 }
 
 #[test]
-fn stiffnesses_are_those_of_a_disk() {
+fn moment_stiffnesses_are_those_of_a_disk() {
     // S_n π R⁴/4 = 2.01062e-4 and S_t π R⁴/2 = 2.41274e-4 N m, at R_b = R and f = 1; R_b to the fourth power, and f to the first.
     let of = |scale: f64, factor: f64| {
         let document =
@@ -45,7 +45,7 @@ fn stiffnesses_are_those_of_a_disk() {
 }
 
 #[test]
-fn moments_beside_the_published_force_are_refused() {
+fn bond_moments_with_the_published_formulation_are_refused() {
     let document = |formulation: &str, factor: f64| json!({"experiment": "drop", "bonds": {"formulation": formulation, "moment_stiffness_factor": factor}});
     let faults = scenario::from_value(&document("as_published", 1.0)).expect_err("no such bond");
     assert_eq!(faults.len(), 1);
@@ -56,7 +56,7 @@ fn moments_beside_the_published_force_are_refused() {
 }
 
 #[test]
-fn a_moment_is_minus_the_slope_of_its_energy() {
+fn bond_moment_is_the_negative_energy_gradient() {
     // U = ½ k_b θ_b² + ½ k_w θ_w² of the rotation of j against i, turned there in 100 steps about a fixed axis.
     let law = potyondy();
     let n = DVec3::new(2.0, -1.0, 2.0) / 3.0;
@@ -87,7 +87,7 @@ fn a_moment_is_minus_the_slope_of_its_energy() {
 }
 
 #[test]
-fn moments_turn_with_the_bond() {
+fn bond_moments_rotate_with_the_bond() {
     // A quarter turn of the pair in 1000 steps takes a twist about x to one about y, and bending about y to −x. A quarter turn about
     // the bond takes bending about y to z. Nothing grows: the two do not turn against each other.
     let law = potyondy();
@@ -108,7 +108,7 @@ fn moments_turn_with_the_bond() {
 }
 
 #[test]
-fn moments_use_up_the_strength_of_a_bond() {
+fn bond_moments_reduce_the_remaining_strength_of_a_bond() {
     // At the rim of the disk: σ = M_b R/I = 4 M_b/(A R), τ = M_w R/J = 2 M_w/(A R).
     let (moments, rest) = (potyondy(), 2.0 * RADIUS as f32);
     let holds = |bending: f64, twist: f64, stretch: f32, shear: f32| {
@@ -184,7 +184,7 @@ fn row_tip(free: usize) -> f64 {
 }
 
 #[test]
-fn a_row_of_spheres_is_a_beam() {
+fn deflection_of_a_row_of_spheres_matches_a_timoshenko_beam() {
     let free = 8;
     let tip = -displacements(&hanging(block([free as i32 + 1, 1, 1]), DQuat::IDENTITY))[free].z;
     assert_close(tip, row_tip(free), 2e-3);
@@ -206,7 +206,7 @@ fn a_row_of_spheres_is_a_beam() {
 }
 
 #[test]
-fn a_beam_hangs_alike_in_every_direction_and_mirrored() {
+fn beam_deflection_is_the_same_in_every_orientation_and_mirrored() {
     let hang = |orientation| displacements(&hanging(hook(5), orientation))[5];
     let straight = hang(DQuat::IDENTITY);
     for orientation in
@@ -225,7 +225,7 @@ fn a_beam_hangs_alike_in_every_direction_and_mirrored() {
 }
 
 #[test]
-fn a_row_of_spheres_twists_as_its_bonds_say() {
+fn twist_of_a_row_of_spheres_matches_its_bond_stiffness() {
     // The hook's weight w at 2R beside the row twists each of its bonds by 2 R w, and bends its own by R w.
     let bonds_in_row = 5;
     let hangs = displacements(&hanging(hook(bonds_in_row + 1), DQuat::IDENTITY));
@@ -276,9 +276,9 @@ fn an_undamped_beam_keeps_its_energy() {
     assert!(worst < 5e-3 * most, "{worst:e} J of {most:e} J");
 }
 
-/// Two blocks that meet off-centre, turning, with everything on.
+/// Two rotating blocks collide off-centre, with bond moments, damping, friction and adhesion.
 #[test]
-fn a_collision_with_moments_keeps_linear_and_angular_momentum() {
+fn collision_with_moments_conserves_linear_and_angular_momentum() {
     let bodies = vec![
         at(DVec3::new(-0.03, 0.004, 0.002), DVec3::X * 0.8),
         at(DVec3::new(0.03, -0.004, 0.0), DVec3::X * -0.8),
@@ -329,7 +329,7 @@ fn holds(kind: BodyKind, moments: f64, tilt_deg: f64) -> bool {
 
 #[test]
 fn with_moments_a_layer_slides_at_its_angle_of_friction() {
-    // atan 0.5 = 26.57°. Without moments it slides at less: `friction::a_pair_slides_sooner_because_it_turns_like_gears`.
+    // atan 0.5 = 26.57°. Without moments it slides at less: `friction::bonded_pair_slides_below_its_angle_of_friction`.
     assert!(holds(block([4, 4, 1]), 1.0, 26.0), "holds below");
     assert!(!holds(block([4, 4, 1]), 1.0, 27.2), "slides above");
     assert!(!holds(block([4, 4, 1]), 0.0, 26.0), "slides without moments");

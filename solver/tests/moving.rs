@@ -24,7 +24,7 @@ fn a_rising_plate_lifts_a_sphere() {
 }
 
 #[test]
-fn a_plate_reaches_what_it_was_far_from() {
+fn approaching_plate_strikes_a_distant_sphere() {
     // Nothing moves but the plate: only its own motion can renew the neighbour lists.
     for speed in [0.5, -0.5] {
         let motion = Motion::Moving { velocity: DVec3::Z * speed, pivot: DVec3::ZERO, spin: DVec3::ZERO };
@@ -60,7 +60,7 @@ fn a_plate_that_has_turned_strikes_along_its_normal() {
 }
 
 #[test]
-fn a_turning_plate_takes_a_resting_block_along() {
+fn rotating_plate_carries_a_resting_block() {
     // A quarter of a radian in half a second about an axis 5 cm off: the block stays where it is on the plate.
     let (pivot, rate) = (DVec3::new(0.05, 0.0, 0.0), 0.5);
     let turning = Motion::Moving { velocity: DVec3::ZERO, pivot, spin: DVec3::Y * rate };
@@ -82,7 +82,7 @@ fn a_turning_plate_takes_a_resting_block_along() {
 }
 
 #[test]
-fn the_material_of_a_turntable_drags_across_its_radius() {
+fn turntable_friction_acts_perpendicular_to_its_radius() {
     let table =
         Motion::Moving { velocity: DVec3::ZERO, pivot: DVec3::new(0.1, 0.0, 0.0), spin: DVec3::Z * 5.0 };
     let plates = vec![plate(SurfaceKind::Equipment).moving(table)];
@@ -97,7 +97,7 @@ fn the_material_of_a_turntable_drags_across_its_radius() {
 }
 
 #[test]
-fn what_is_held_on_a_turntable_is_pulled_towards_where_it_stuck() {
+fn held_sphere_on_a_turntable_is_pulled_towards_its_contact_point() {
     // 5 µm from the axis, and so little that it never slips: the point of the table that it stuck to goes round, and pulls by its
     // distance, straight at it.
     let (pivot, aside) = (DVec3::new(0.1, -0.2, 0.0), DVec3::X * 5e-6);
@@ -160,7 +160,7 @@ fn each_kind_of_surface_takes_its_own_friction() {
 }
 
 #[test]
-fn what_is_there_until_the_start_goes_at_the_start() {
+fn shutter_disappears_at_belt_start() {
     let shutter = plate(SurfaceKind::Equipment).until_start();
     let mut bench = Bench::new(&weighing(vec![shutter], DVec3::ZERO, DVec3::ZERO, 0.5, 1e-5));
     bench.steps(10_000);
@@ -172,7 +172,7 @@ fn what_is_there_until_the_start_goes_at_the_start() {
 }
 
 #[test]
-fn a_gate_that_opens_keeps_the_contacts_of_what_stays() {
+fn removal_of_a_gate_keeps_the_contacts_of_other_surfaces() {
     // A floor of two halves, of which one goes at the start. On each a sphere rolls down a slope of 0.2, and friction
     // bears 2/7 of the pull along the slope.
     let across = |from: f64| {
@@ -204,7 +204,7 @@ fn a_gate_that_opens_keeps_the_contacts_of_what_stays() {
 }
 
 #[test]
-fn a_floor_feels_weight_and_its_moment() {
+fn surface_load_of_a_floor_is_weight_and_its_moment() {
     let place = DVec3::new(0.12, -0.07, 0.0);
     let mut bench = Bench::new(&weighing(vec![plate(SurfaceKind::Equipment)], place, DVec3::ZERO, 0.5, 1e-5));
     bench.steps(20_000);
@@ -216,7 +216,7 @@ fn a_floor_feels_weight_and_its_moment() {
 }
 
 #[test]
-fn a_belt_gives_friction_times_its_speed() {
+fn power_of_a_belt_is_friction_times_its_speed() {
     let (mu, speed) = (0.2, 0.5);
     let belt = plate(SurfaceKind::Belt).moving(Motion::Belt { velocity: DVec3::X * speed });
     let mut bench = Bench::new(&weighing(vec![belt], DVec3::Y * 0.1, DVec3::ZERO, mu, 1e-5));
@@ -232,7 +232,7 @@ fn a_belt_gives_friction_times_its_speed() {
 }
 
 #[test]
-fn a_turntable_feels_the_torque_of_friction_about_its_pivot() {
+fn surface_load_of_a_turntable_is_the_friction_torque_about_its_pivot() {
     let (mu, radius, pivot) = (0.1, 0.2, DVec3::new(0.1, 0.05, 0.0));
     let table = Motion::Moving { velocity: DVec3::ZERO, pivot, spin: DVec3::Z * 5.0 };
     let plates = vec![plate(SurfaceKind::Equipment).moving(table)];

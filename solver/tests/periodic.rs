@@ -30,7 +30,7 @@ fn meet(periodic: Option<f64>, y: f64, steps: u64) -> [DVec3; 2] {
 }
 
 #[test]
-fn spheres_meet_across_the_seam_as_anywhere() {
+fn spheres_collide_across_the_periodic_boundary_as_elsewhere() {
     let free = meet(None, 0.0, 5000);
     assert!(free[0].y < 0.0 && free[1].y > 0.0, "they have bounced: {free:?}");
     // Periods of 5 cells, 3 cells and 2 cells of the neighbour grid.
@@ -47,7 +47,7 @@ fn spheres_meet_across_the_seam_as_anywhere() {
 }
 
 #[test]
-fn a_column_of_spheres_across_the_seam_presses_evenly() {
+fn forces_in_a_compressed_ring_across_the_periodic_boundary_balance() {
     // A ring of spheres, each 5 % into its neighbours, fills the period: no net force anywhere.
     let period = 8.0 * 1.9 * RADIUS;
     let place = |k: usize| DVec3::Y * ((k as f64 + 0.3) * 1.9 * RADIUS - period / 2.0);
@@ -64,7 +64,7 @@ fn a_column_of_spheres_across_the_seam_presses_evenly() {
 }
 
 #[test]
-fn a_sphere_slides_across_the_seam_as_anywhere() {
+fn sphere_slides_across_the_periodic_boundary_as_elsewhere() {
     let end = |periodic: bool| {
         let mut scene =
             weighing(vec![plate(SurfaceKind::Equipment)], DVec3::Y * 0.04, DVec3::Y * 0.8, 0.3, 1e-5);
@@ -83,7 +83,7 @@ fn a_sphere_slides_across_the_seam_as_anywhere() {
 }
 
 #[test]
-fn walls_are_steady_across_the_seam() {
+fn wall_force_is_continuous_across_the_periodic_boundary() {
     // The plate goes on beyond the period by little more than a sphere: positions lie within the domain's own corners.
     let (corner, across) = (DVec3::new(-0.2, -0.06, 0.0), DVec3::Y * 0.12);
     let strip = Surface::parallelogram("strip", SurfaceKind::Equipment, corner, DVec3::X * 0.4, across);
@@ -96,7 +96,7 @@ fn walls_are_steady_across_the_seam() {
 }
 
 #[test]
-fn the_surfaces_of_a_periodic_hopper_go_on_beyond_the_seam() {
+fn surfaces_of_a_periodic_hopper_extend_beyond_the_periodic_boundary() {
     let fields = [
         ("/equipment/side_walls", json!("periodic")),
         ("/product/count", json!(2)),

@@ -91,7 +91,7 @@ impl Draw {
 }
 
 #[test]
-fn no_scenario_makes_the_check_panic_and_what_it_accepts_is_placed_apart() {
+fn random_scenarios_never_panic_and_accepted_ones_start_without_overlap() {
     let mut draw = Draw(ChaCha8Rng::seed_from_u64(1));
     let (mut sound, mut built) = (0, 0);
     while sound < 500 {

@@ -49,7 +49,7 @@ fn small(mut document: Value) -> Scenario {
 }
 
 #[test]
-fn every_experiment_returns_the_rows_of_its_table_whatever_happens() {
+fn every_experiment_returns_all_rows_of_its_response_table() {
     let mut ends = Vec::new();
     let mut seen = std::collections::BTreeSet::new();
     for scenario in scenarios() {

@@ -57,7 +57,7 @@ fn plate(name: &str, more: Value) -> Value {
 }
 
 #[test]
-fn a_scene_that_makes_energy_has_diverged() {
+fn scene_that_gains_energy_is_unstable() {
     let end = |formulation: &str| {
         run(&scene(&[
             ("/product/subparticle_radius_m", json!(0.004)),
@@ -79,7 +79,7 @@ fn a_scene_that_makes_energy_has_diverged() {
 }
 
 #[test]
-fn a_body_falls_along_gravity_as_it_was_thrown() {
+fn thrown_body_follows_its_ballistic_path() {
     // Tilted, and with strength of its own; adhesion off, that it does not shrink on the way.
     let direction = DVec3::new(0.5, -1.0, -1.0);
     let scenario = scene(&[
@@ -120,7 +120,7 @@ fn a_body_falls_along_gravity_as_it_was_thrown() {
 }
 
 #[test]
-fn what_goes_beyond_the_margin_leaves_and_is_counted() {
+fn body_beyond_the_margin_is_removed_and_counted() {
     let scenario = scene(&[
         (
             "/scene/bodies",
@@ -156,7 +156,7 @@ fn what_goes_beyond_the_margin_leaves_and_is_counted() {
 }
 
 #[test]
-fn a_plate_bears_the_weight_of_what_lies_on_it() {
+fn plate_load_is_the_weight_of_the_bodies_on_it() {
     let scenario = scene(&[
         ("/scene/bodies", json!([{"position_m": [0, 0, 0.03]}, {"shape": 3, "position_m": [0.25, 0, 0.03]}])),
         (
@@ -187,7 +187,7 @@ fn a_plate_bears_the_weight_of_what_lies_on_it() {
 }
 
 #[test]
-fn a_slope_without_friction_lets_down_by_the_sine() {
+fn body_on_a_frictionless_slope_accelerates_at_g_sin_alpha() {
     // Along the slope nothing but gravity acts, however the fillet bounces and lies.
     let (tilt, g) = (25f64.to_radians(), 9.81);
     let scenario = scene(&[
@@ -214,7 +214,7 @@ fn a_slope_without_friction_lets_down_by_the_sine() {
 }
 
 #[test]
-fn a_belt_gives_a_fillet_its_speed() {
+fn belt_accelerates_a_fillet_to_its_speed() {
     let step = 2e-4;
     let scenario = scene(&[
         ("/scene/bodies", json!([{"position_m": [0, 0, 0.03]}])),
@@ -246,7 +246,7 @@ fn a_belt_gives_a_fillet_its_speed() {
 }
 
 #[test]
-fn a_plate_that_rises_and_turns_takes_its_load_along() {
+fn rising_and_rotating_plates_carry_their_load() {
     // Up at 0.1 m/s; and about the vertical through (0.2, 0, 0) by 90° in half a second.
     let on = |more: Value| {
         run(&scene(&[
@@ -268,7 +268,7 @@ fn a_plate_that_rises_and_turns_takes_its_load_along() {
 }
 
 #[test]
-fn surfaces_are_put_where_they_are_written() {
+fn surfaces_have_the_specified_position_orientation_and_motion() {
     let scenario = scene(&[
         ("/scene/bodies", json!([{"position_m": [0, 0, 9]}])),
         (
@@ -309,7 +309,7 @@ fn surfaces_are_put_where_they_are_written() {
 }
 
 #[test]
-fn a_mesh_does_what_the_same_plate_does() {
+fn mesh_surface_gives_the_same_result_as_an_equal_plate() {
     let triangles = stl::quad(DVec3::new(-0.5, -0.5, 0.0), DVec3::X, DVec3::Y);
     let mut meshes = Meshes::default();
     let millimetres = triangles.map(|triangle| triangle.map(|corner| corner * 1000.0));

@@ -54,7 +54,7 @@ fn in_angle_iron(p: DVec3) -> bool {
 }
 
 #[test]
-fn points_on_edges_and_corners_of_triangles_are_seen_right() {
+fn inside_test_is_correct_for_rays_through_edges_and_corners() {
     // Every ray meets edges and corners: all points lie on the planes that the triangles' corners lie on, or midway.
     let shape = solid(&angle_iron());
     let mut inside = 0;
@@ -71,7 +71,7 @@ fn points_on_edges_and_corners_of_triangles_are_seen_right() {
 }
 
 #[test]
-fn a_point_is_inside_however_the_mesh_is_turned() {
+fn inside_test_does_not_depend_on_mesh_orientation() {
     let mut draw = ChaCha8Rng::seed_from_u64(1);
     let mut share = || f64::from(draw.next_u32()) / f64::from(u32::MAX);
     for k in 0..20 {
@@ -99,7 +99,7 @@ fn a_point_is_inside_however_the_mesh_is_turned() {
 }
 
 #[test]
-fn a_ball_is_inside_its_radius() {
+fn inside_test_of_a_ball_matches_its_radius() {
     let shape = solid(&ball(0.05, 5));
     let mut draw = ChaCha8Rng::seed_from_u64(2);
     let mut share = || f64::from(draw.next_u32()) / f64::from(u32::MAX);
@@ -117,7 +117,7 @@ fn a_ball_is_inside_its_radius() {
 }
 
 #[test]
-fn bodies_that_overlap_are_one_and_a_body_that_faces_inwards_is_a_hollow() {
+fn overlapping_bodies_are_merged_and_inverted_bodies_are_hollows() {
     let hollow = [ball(0.05, 4), turned(&ball(0.03, 4))].concat();
     let shape = solid(&hollow);
     for (x, inside) in [(0.0, false), (0.029, false), (0.031, true), (0.049, true), (0.051, false)] {
@@ -139,7 +139,7 @@ fn same_points(a: &MetaParticle, b: &MetaParticle) -> bool {
 }
 
 #[test]
-fn a_mesh_of_a_block_is_filled_as_the_block() {
+fn mesh_of_a_block_has_the_same_fill_as_the_block() {
     for n in [[3, 4, 5], [9, 9, 3], [1, 1, 1], [7, 2, 6]] {
         let by_hand = block(n.map(|n| n as i32)).meta;
         let made = from_block(n, RADIUS, 1).expect("fine");
@@ -199,7 +199,7 @@ fn a_lattice_fills_a_ball_to_its_volume() {
 }
 
 #[test]
-fn what_is_no_product_is_refused_with_the_reason() {
+fn invalid_product_mesh_is_refused_with_the_reason() {
     let fill = |triangles: &[Triangle], radius| from_mesh(&mesh(triangles), radius, Fill::Centres, 1);
     let size = DVec3::new(0.08, 0.05, 0.02);
     let sound = cuboid(DVec3::ZERO, size, 2);
@@ -230,7 +230,7 @@ fn what_is_no_product_is_refused_with_the_reason() {
 }
 
 #[test]
-fn what_falls_into_pieces_is_refused() {
+fn mesh_with_a_large_disconnected_part_is_refused() {
     // A ball of 10 mm beside one of 50 mm is 1 in 126, one of 25 mm 1 in 9.
     let beside =
         |radius: f64| mesh(&[ball(0.05, 4), moved(&ball(radius, 4), |p| p + DVec3::X * 0.1)].concat());
@@ -241,7 +241,7 @@ fn what_falls_into_pieces_is_refused() {
 }
 
 #[test]
-fn fills_are_remembered_by_file_units_radius_fill_and_bonds() {
+fn fills_are_cached_by_file_units_radius_fill_and_bonds() {
     let mut meshes = Meshes::default();
     let digest = meshes.insert(&binary(&cuboid(DVec3::ZERO, DVec3::new(8.0, 5.0, 4.0), 1))).expect("sound");
     let in_units = |units| meshes.get(&digest).expect("here").in_units(units).expect("sound");

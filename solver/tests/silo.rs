@@ -109,7 +109,7 @@ fn rate(result: &RunResult) -> f64 {
 }
 
 #[test]
-fn a_silo_of_spheres_empties_as_in_lammps() {
+fn discharge_rate_of_a_silo_of_spheres_matches_lammps() {
     // LAMMPS 22 Jul 2025 from starts of the same kind, n = 8: see silo/README.md.
     const LAMMPS: f64 = 992.0;
     let rates: Vec<f64> = (1..=3)
@@ -148,7 +148,7 @@ fn spheres_have_their_radius_density_and_no_bonds() {
 }
 
 #[test]
-fn spheres_replace_every_other_shape() {
+fn spheres_exclude_every_other_shape_field() {
     let faults = |product: Value, more: &[(&'static str, Value)]| {
         let fields = [&[("/product", product)], more].concat();
         let faults = scenario::from_value(&document(&fields)).expect_err("faults");

@@ -49,8 +49,8 @@ fn a_truss_slides_at_its_angle_of_friction() {
 }
 
 #[test]
-fn the_cubic_lattice_slides_sooner_and_yet_nearly_linearly() {
-    // Its neighbours turn like gears: `friction::a_pair_slides_sooner_because_it_turns_like_gears`.
+fn critical_angle_of_a_cubic_lattice_is_lower_and_nearly_linear_in_friction() {
+    // Its neighbours turn like gears: `friction::bonded_pair_slides_below_its_angle_of_friction`.
     let frictions = [0.1, 0.2, 0.3, 0.4, 0.5];
     let angles = frictions.map(|mu| critical_angle_deg(&run(&[with_friction(mu)])));
     for (mu, angle) in frictions.iter().zip(angles) {
@@ -67,7 +67,7 @@ fn the_cubic_lattice_slides_sooner_and_yet_nearly_linearly() {
 }
 
 #[test]
-fn the_surface_energy_hardly_matters() {
+fn critical_angle_hardly_depends_on_surface_energy() {
     let with_energy = |gamma: f64| {
         let fields = [
             ("/contact/fillet_equipment/surface_energy_j_m2", json!(gamma)),
@@ -81,7 +81,7 @@ fn the_surface_energy_hardly_matters() {
 }
 
 #[test]
-fn what_holds_up_to_the_greatest_tilt_has_no_critical_angle() {
+fn fillet_that_holds_up_to_the_maximum_tilt_has_no_critical_angle() {
     let result = run(&[("/slide/max_tilt_deg", json!(12.0)), with_friction(0.5)]);
     assert_eq!(result.end_reason, EndReason::Duration);
     assert_eq!(result.responses["slid"], false);
@@ -91,13 +91,13 @@ fn what_holds_up_to_the_greatest_tilt_has_no_critical_angle() {
 }
 
 #[test]
-fn without_friction_it_slides_at_once() {
+fn fillet_without_friction_slides_at_once() {
     let angle = critical_angle_deg(&run(&[with_friction(0.0)]));
     assert!(angle < 0.5, "{angle}");
 }
 
 #[test]
-fn without_an_early_end_it_slides_off_the_plate() {
+fn slide_test_without_early_end_runs_until_the_fillet_leaves_the_plate() {
     let fields = [("/numerics/stop/when_done", json!(false)), with_friction(0.1)];
     let result = run(&fields);
     assert_eq!(result.end_reason, EndReason::Done);
@@ -109,7 +109,7 @@ fn without_an_early_end_it_slides_off_the_plate() {
 }
 
 #[test]
-fn speed_and_displacement_are_of_one_motion() {
+fn displacement_is_the_integral_of_the_sliding_speed() {
     let result = run(&[with_friction(0.2)]);
     let [speed, way] = ["sliding_speed", "displacement"].map(|name| result.series(name).expect("there"));
     let steps = speed.t_s.windows(2).zip(speed.values.windows(2));
@@ -135,7 +135,7 @@ fn a_rough_plate_rolls_a_stiff_fillet_over() {
 }
 
 #[test]
-fn the_seed_turns_the_fillet() {
+fn seed_changes_the_heading_of_the_fillet() {
     let angle = |seed: u64| {
         let fields = [("/slide/scatter_deg", json!(180.0)), ("/seed", json!(seed)), with_friction(0.4)];
         critical_angle_deg(&run(&fields))
@@ -145,7 +145,7 @@ fn the_seed_turns_the_fillet() {
 }
 
 #[test]
-fn a_fillet_slides_alike_to_the_bit_on_any_number_of_threads() {
+fn slide_test_gives_the_same_bits_on_any_number_of_threads() {
     let text = |threads| {
         let fields = [("/product/subparticle_radius_m", json!(0.006)), with_friction(0.05)];
         let result = run_on(threads, &fields);

@@ -63,7 +63,7 @@ fn points(scene: &Scene) -> Vec<Vec<DVec3>> {
 }
 
 #[test]
-fn bodies_are_inside_each_other_when_their_sub_particles_are() {
+fn bodies_overlap_if_and_only_if_their_sub_particles_do() {
     let mut draw = Draw(1);
     let (mut inside, mut apart) = (0, 0);
     for _ in 0..300 {
@@ -92,7 +92,7 @@ fn bodies_are_inside_each_other_when_their_sub_particles_are() {
 }
 
 #[test]
-fn a_body_is_in_a_surface_when_a_sub_particle_or_a_bond_is() {
+fn body_intersects_a_surface_if_and_only_if_a_sub_particle_or_bond_does() {
     let mut draw = Draw(2);
     let (mut inside, mut apart, mut between) = (0, 0, 0);
     for k in 0..400 {
@@ -141,7 +141,7 @@ fn a_body_is_in_a_surface_when_a_sub_particle_or_a_bond_is() {
 }
 
 #[test]
-fn a_body_wholly_within_a_solid_is_inside_it_and_in_a_container_it_is_not() {
+fn body_within_a_solid_is_refused_and_within_a_container_accepted() {
     let half = |size: f64, n: usize| stl::cuboid(DVec3::splat(-size), DVec3::splat(size), n);
     let (solid, hollow) = (half(0.4, 3), stl::turned(&half(0.4, 3)));
     let drum = [half(0.5, 3), hollow.clone()].concat();
@@ -171,7 +171,7 @@ fn a_body_wholly_within_a_solid_is_inside_it_and_in_a_container_it_is_not() {
 }
 
 #[test]
-fn every_body_in_the_wrong_place_is_named_once_with_what_it_is_in() {
+fn every_misplaced_body_is_one_fault_that_names_its_obstacle() {
     let scenario = scene(&[
         (
             "/scene/bodies",
@@ -213,7 +213,7 @@ fn every_body_in_the_wrong_place_is_named_once_with_what_it_is_in() {
 }
 
 #[test]
-fn a_full_heap_is_looked_at_in_a_moment() {
+fn overlap_check_of_1000_adjacent_bodies_takes_under_3_s() {
     // 1000 fillets side by side, a hair apart, in five layers.
     let bodies: Vec<Value> = (0..1000)
         .map(|k| json!({"position_m": [0.16 * f64::from(k % 20), 0.08 * f64::from(k / 20 % 10), 0.05 * f64::from(k / 200)]}))
@@ -226,7 +226,7 @@ fn a_full_heap_is_looked_at_in_a_moment() {
 }
 
 #[test]
-fn a_scene_of_too_many_forces_is_refused() {
+fn scene_with_too_many_force_samples_is_refused() {
     let surfaces: Vec<Value> = (0..1000)
         .map(|k| json!({"name": format!("plate {k}"), "plate_m": [[0, 0, -1], [1, 0, 0], [0, 1, 0]]}))
         .collect();
@@ -243,7 +243,7 @@ fn a_scene_of_too_many_forces_is_refused() {
 }
 
 #[test]
-fn costs_are_those_of_what_is_built_and_run() {
+fn cost_estimate_matches_the_built_scene_and_its_plan() {
     let drop = |fields: &[(&str, Value)]| {
         let own = [("/experiment", json!("drop")), ("/product/count", json!(7))];
         scenario::from_value(&document(&[&own[..], fields].concat())).expect("a sound scenario")
@@ -278,7 +278,7 @@ fn costs_are_those_of_what_is_built_and_run() {
 }
 
 #[test]
-fn a_hopper_of_ones_own_surfaces_is_checked() {
+fn hopper_of_custom_surfaces_is_checked_for_obstacles() {
     let hopper = |fields: &[(&str, Value)]| {
         let few = [("/product/count", json!(20)), ("/product/subparticle_radius_m", json!(0.009))];
         scenario::from_value(&document(&[&few[..], fields].concat())).expect("a sound scenario")
@@ -297,7 +297,7 @@ fn a_hopper_of_ones_own_surfaces_is_checked() {
 }
 
 #[test]
-fn a_surface_at_the_seam_of_a_periodic_hopper_goes_past_it() {
+fn surface_at_a_periodic_boundary_must_extend_beyond_both_sides() {
     // 0.4 m wide: bars under the fillets' way out, from one y to another.
     let refused = |sides: &str, from: f64, to: f64| {
         let bar = json!({"name": "bar", "plate_m": [[0.3, from, -0.05], [0.1, 0, 0], [0, to - from, 0]]});
@@ -321,7 +321,7 @@ fn a_surface_at_the_seam_of_a_periodic_hopper_goes_past_it() {
 }
 
 #[test]
-fn only_the_shapes_that_are_there_must_fit() {
+fn only_shapes_in_use_must_fit_the_hopper() {
     let of = |shape: Value| {
         scenario::from_value(&document(&[
             ("/product/count", json!(2)),

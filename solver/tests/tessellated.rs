@@ -30,7 +30,7 @@ fn places(triangles: &[Triangle]) -> Vec<DVec3> {
 }
 
 #[test]
-fn a_plate_of_a_thousand_triangles_is_a_plate() {
+fn plate_of_a_thousand_triangles_pushes_like_a_plain_plate() {
     let triangles = cut_plate();
     assert_eq!(facets(&triangles, DVec3::ZERO).len(), 1);
     let places = places(&triangles);
@@ -46,7 +46,7 @@ fn a_plate_of_a_thousand_triangles_is_a_plate() {
 }
 
 #[test]
-fn a_tilted_plate_in_rounded_millimetres_is_a_plate_too() {
+fn tilted_plate_with_rounded_corners_pushes_like_a_plain_plate() {
     let (turn, at) = tilt();
     let plate = [surface(tilted_plate())];
     for (overlap, share) in [(0.02 * RADIUS, 1e-3), (0.1 * RADIUS, 1e-3), (0.9 * RADIUS, 1e-2)] {
@@ -82,7 +82,7 @@ fn a_sphere_rolls_down_a_tilted_plate_of_many_triangles_as_down_a_plain_one() {
 }
 
 #[test]
-fn a_dome_and_a_bowl_feel_round() {
+fn tessellated_dome_and_bowl_push_like_smooth_ones() {
     // 2048 triangles of 0.94 mm, 2.2 µm off the ball at most, under a sphere of 4 mm that is 0.4 mm deep.
     let (r, overlap) = (0.1, 0.1 * RADIUS);
     let ball = [surface(cap(r, 32))];
@@ -103,7 +103,7 @@ fn a_dome_and_a_bowl_feel_round() {
 }
 
 #[test]
-fn a_pipe_of_narrow_facets_feels_round_inside_and_outside() {
+fn pipe_of_narrow_facets_pushes_like_a_smooth_pipe_inside_and_outside() {
     let overlap = 0.1 * RADIUS;
     // From facets of 31 µm, 10,000 of them, to few that turn by 20°; from wide pipes to one that the sphere just fits.
     for (r, n) in [(0.05, 10_000), (0.05, 360), (0.02, 40), (0.006, 100), (0.0045, 24), (0.0045, 18)] {
@@ -132,7 +132,7 @@ fn a_pipe_of_narrow_facets_feels_round_inside_and_outside() {
 }
 
 #[test]
-fn a_sphere_rolls_to_and_fro_in_a_pipe_of_narrow_facets() {
+fn sphere_in_a_pipe_of_narrow_facets_rolls_at_the_closed_form_speed() {
     // Let go 0.5 rad from the bottom, rolling: v² = 2 g h/(1 + k), k = ⅖ (R/d)² at the lever d.
     let (r, start) = (0.05, 0.5f64);
     let overlap = (MASS * G / hertz(1.0)).powf(2.0 / 3.0);
@@ -161,7 +161,7 @@ fn a_sphere_rolls_to_and_fro_in_a_pipe_of_narrow_facets() {
 }
 
 #[test]
-fn what_slides_over_facets_feels_all_of_coulombs_friction() {
+fn sphere_that_slides_over_narrow_facets_has_full_coulomb_friction() {
     // A pipe turns about its axis past a sphere that is held against it, from outside or inside. Without a dashpot, which
     // would do most of it at such speeds, friction is whole once the pipe has come 0.15 mm along: it must last from
     // one facet to the next. At 25 m/s every
@@ -203,7 +203,7 @@ fn what_slides_over_facets_feels_all_of_coulombs_friction() {
 }
 
 #[test]
-fn lists_that_are_renewed_take_nothing_from_what_slides_over_facets() {
+fn neighbour_list_rebuilds_do_not_change_sliding_over_narrow_facets() {
     // A stranger at 8 m/s has the lists built anew every other step.
     let mut scene =
         weighing(vec![surface(pipe(0.05, 3000, 0.0, TAU / 3000.0))], DVec3::ZERO, DVec3::X * 0.1, 0.5, 2e-5);
@@ -222,7 +222,7 @@ fn lists_that_are_renewed_take_nothing_from_what_slides_over_facets() {
 }
 
 #[test]
-fn a_slot_with_a_round_bottom_holds_from_both_sides() {
+fn slot_with_a_round_bottom_pushes_from_both_walls() {
     // Walls 7.8 mm apart, joined below by a half pipe: a sphere of 8 mm sticks between the walls, 2 mm above the round.
     let (r, deep) = (0.0039, 0.002);
     let wall = |x: f64| quad(DVec3::new(x, -0.05, 0.0), DVec3::Y * 0.1, DVec3::Z * 0.02);
@@ -249,7 +249,7 @@ fn the_two_faces_of_a_thin_sheet_are_one_contact() {
 }
 
 #[test]
-fn surfaces_of_their_own_are_felt_on_their_own() {
+fn coincident_plates_push_twice_only_as_separate_surfaces() {
     // The same plate twice, as two surfaces and as one.
     let plate = quad(DVec3::new(-0.05, -0.05, 0.0), DVec3::X * 0.1, DVec3::Y * 0.1).to_vec();
     let centre = DVec3::new(0.01, 0.02, 0.9 * RADIUS);
@@ -260,7 +260,7 @@ fn surfaces_of_their_own_are_felt_on_their_own() {
 }
 
 #[test]
-fn a_wall_that_ends_on_a_floor_is_not_felt_from_below() {
+fn wall_that_ends_on_a_floor_has_no_contact_from_below() {
     // They share no corner.
     let floor = quad(DVec3::new(-0.05, -0.05, 0.0), DVec3::X * 0.1, DVec3::Y * 0.1);
     let wall = quad(DVec3::new(0.003, -0.03, 0.0), DVec3::Y * 0.061, DVec3::Z * 0.05);

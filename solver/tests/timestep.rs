@@ -23,7 +23,7 @@ fn hopper(radius_m: f64, formulation: &str) -> Scenario {
 }
 
 #[test]
-fn the_table_of_automatic_steps() {
+fn automatic_time_steps_match_the_documented_table() {
     // In microseconds, at the defaults: docs/verification.md quotes these.
     let table = [
         (0.004, [518, 656, 776]),
@@ -41,7 +41,7 @@ fn the_table_of_automatic_steps() {
 }
 
 #[test]
-fn the_damped_bound_is_that_of_an_endless_lattice() {
+fn damped_bound_matches_that_of_an_infinite_lattice() {
     // Worked out by lattice/limits.py from eigenvalues of one step.
     let table = include_str!("lattice/limits.csv");
     for row in table.lines().skip(1) {
@@ -61,7 +61,7 @@ fn the_damped_bound_is_that_of_an_endless_lattice() {
 }
 
 #[test]
-fn the_automatic_step_keeps_clear_of_the_damped_bound() {
+fn automatic_time_step_stays_below_the_damped_bound() {
     for (stiffness, restitution, types) in
         [(1e6, 1e-4, 2), (1e6, 1.0, 2), (1e7, 1e-4, 2), (1e8, 1.0, 2), (1e9, 1e-4, 1), (1e9, 1.0, 1)]
     {
@@ -77,8 +77,8 @@ fn the_automatic_step_keeps_clear_of_the_damped_bound() {
     }
 }
 
-/// Whether a block of bonds alone, a little disturbed, stays together at this share of the undamped bound.
-fn stays(share: f64, shear_ratio: f32, moments: f64) -> bool {
+/// Whether a slightly disturbed block of bonds without contacts stays intact at this share of the undamped bound.
+fn is_stable(share: f64, shear_ratio: f32, moments: f64) -> bool {
     let mut scene = scene(block([8, 8, 8]), vec![at(DVec3::ZERO, DVec3::ZERO)], 1e-5);
     scene.laws.bond.model = BondModel::Corotated;
     scene.laws.bond.k_t = shear_ratio * scene.laws.bond.k_n;
@@ -101,14 +101,14 @@ fn a_lattice_diverges_past_the_undamped_bound_and_not_below_it() {
     // Spinning alike is the fastest mode above k_t = k_n / 3, moving against each other below. With moments it is spinning alike
     // across an axis and against each other along it, or against each other everywhere.
     for (shear_ratio, moments) in [(0.6, 0.0), (0.1, 0.0), (0.6, 1.0), (0.6, 4.0), (0.1, 4.0)] {
-        assert!(stays(0.98, shear_ratio, moments), "below, k_t / k_n = {shear_ratio}, moments {moments}");
-        assert!(!stays(1.1, shear_ratio, moments), "above, k_t / k_n = {shear_ratio}, moments {moments}");
+        assert!(is_stable(0.98, shear_ratio, moments), "below, k_t / k_n = {shear_ratio}, moments {moments}");
+        assert!(!is_stable(1.1, shear_ratio, moments), "above, k_t / k_n = {shear_ratio}, moments {moments}");
     }
 }
 
-/// Lets go two bonded sub-particles whose bond is about to break; returns the greatest kinetic energy they reach as a share of what
-/// the bond has stored, and how many bonds broke.
-fn let_go(scenario: &Scenario, dt: f64) -> (f64, u64) {
+/// Releases two bonded sub-particles just before their bond breaks. Returns their maximum kinetic energy as a share of the energy
+/// that the bond has stored, and the number of broken bonds.
+fn release_near_break(scenario: &Scenario, dt: f64) -> (f64, u64) {
     const STRETCH: f64 = 0.96;
     let mut pair = kinds(scenario).swap_remove(0);
     pair.meta = block([2, 1, 1]).meta;
@@ -127,22 +127,22 @@ fn let_go(scenario: &Scenario, dt: f64) -> (f64, u64) {
 }
 
 #[test]
-fn a_bond_about_to_break_holds_when_let_go_at_the_automatic_step() {
+fn released_bond_near_breaking_is_stable_at_the_automatic_time_step() {
     for (s_n, ratio) in [(1e6, 1.2), (1e7, 1.2), (1e7, 1.1), (1e8, 1.2)] {
         let mut scenario = hopper(RADIUS, "finite_extension");
         (scenario.bonds.normal_stiffness_n_m3, scenario.bonds.shear_stiffness_n_m3) = (s_n, 0.6 * s_n);
         scenario.bonds.contact_radius_ratio = ratio;
         let dt = bounds_on_timestep(&scenario, &kinds(&scenario)).auto_s;
-        let (share, broken) = let_go(&scenario, dt);
+        let (share, broken) = release_near_break(&scenario, dt);
         // Leapfrog's kinetic energy swings about the true one.
         assert!(share < 1.3 && broken == 0, "{s_n} N/m³, {ratio}: {share}, {broken} broken");
-        let (_, broken) = let_go(&scenario, 3.0 * dt);
+        let (_, broken) = release_near_break(&scenario, 3.0 * dt);
         assert!(broken > 0, "{s_n} N/m³, {ratio}: sound at three times the step too");
     }
 }
 
 #[test]
-fn what_starts_fast_takes_shorter_steps() {
+fn high_initial_speed_shortens_the_automatic_time_step() {
     let mut document =
         json!({"experiment": "drop", "drop": {"speed_m_s": 20}, "numerics": {"timestep_s": "auto"}});
     for (speed, step) in [(20.0, Some(1.0 / 30.0 * 0.004 / 20.0)), (0.2, None)] {
@@ -160,7 +160,7 @@ fn what_starts_fast_takes_shorter_steps() {
 }
 
 #[test]
-fn a_drop_at_the_automatic_step_comes_to_rest_whole() {
+fn dropped_fillet_settles_unbroken_at_the_automatic_time_step() {
     for formulation in ["corotated", "as_published", "finite_extension"] {
         for radius in [0.004, 0.005, 0.006, 0.008] {
             let scenario = hopper(radius, formulation);

@@ -20,7 +20,7 @@ use roost_solver::walls::{NearestPoint, Walls};
 use stl::{cuboid, grid, moved, quad};
 
 #[test]
-fn a_sphere_on_an_edge_stays_with_one_of_its_facets() {
+fn sphere_on_an_edge_keeps_contact_with_the_same_facet() {
     // A roof of two slopes, somewhere in space. Over the ridge both are as near, but for rounding: their triangles
     // begin at opposite ends of it.
     let (turn, at) = tilt();
@@ -42,20 +42,20 @@ fn a_sphere_on_an_edge_stays_with_one_of_its_facets() {
     }
 }
 
-/// The facets that a sphere touches, and those of them that it feels.
-fn felt(walls: &Walls, frame: &Frame, x: IVec3) -> (Vec<NearestPoint>, Vec<NearestPoint>) {
+/// Nearest points of all facets that a sphere touches, and of those whose contacts act.
+fn contacts(walls: &Walls, frame: &Frame, x: IVec3) -> (Vec<NearestPoint>, Vec<NearestPoint>) {
     let near = walls.facets_within(x, RADIUS as f32, frame);
     let touches: Vec<_> = near.map(|facet| (facet, walls.nearest_point(facet, x, frame))).collect();
-    let felt = touches.iter().filter(|(facet, touch)| {
+    let acting = touches.iter().filter(|(facet, touch)| {
         let others = touches.iter().copied().filter(|(other, _)| other != facet);
         walls.superseding_facet(*facet, touch, others).is_none()
     });
-    let felt = felt.map(|&(_, touch)| touch).collect();
-    (touches.iter().map(|&(_, touch)| touch).collect(), felt)
+    let acting = acting.map(|&(_, touch)| touch).collect();
+    (touches.iter().map(|&(_, touch)| touch).collect(), acting)
 }
 
 #[test]
-fn of_the_facets_in_touch_the_nearest_is_always_felt() {
+fn nearest_facet_in_contact_always_acts() {
     // Whatever else is near: soups of triangles, and meshes whose facets are all but equally far.
     let mut draw = Draw::new(8);
     let mut any = |size: f64| DVec3::new(draw.share() - 0.5, draw.share() - 0.5, draw.share() - 0.5) * size;
@@ -71,11 +71,11 @@ fn of_the_facets_in_touch_the_nearest_is_always_felt() {
         let mut several = 0;
         for k in 0..500 {
             let x = frame.encode(middle + any([0.05, 0.008, 0.0002][k % 3]));
-            let (touches, felt) = felt(&walls, &frame, x);
+            let (touches, acting) = contacts(&walls, &frame, x);
             let nearest = touches.iter().map(|touch| touch.distance).fold(f32::INFINITY, f32::min);
-            let nearest_felt = felt.iter().map(|touch| touch.distance).fold(f32::INFINITY, f32::min);
+            let least = acting.iter().map(|touch| touch.distance).fold(f32::INFINITY, f32::min);
             // Of those that touch in one point it may be another.
-            assert!(nearest_felt - nearest < 1e-6 || touches.is_empty(), "{nearest_felt} and not {nearest}");
+            assert!(least - nearest < 1e-6 || touches.is_empty(), "{least} and not {nearest}");
             several += usize::from(touches.len() > 1);
         }
         assert!(several > 50, "{several} places where several facets touch");
@@ -83,7 +83,7 @@ fn of_the_facets_in_touch_the_nearest_is_always_felt() {
 }
 
 #[test]
-fn long_narrow_facets_are_not_felt_twice_however_deep() {
+fn long_narrow_facets_act_once_at_any_depth() {
     // Six planks of 1 m by 11.5 mm, each turned by 4° from the one before, bent up or down, lying anywhere.
     let (mut draw, width) = (Draw::new(9), 0.0115);
     let mut several = 0;
@@ -99,8 +99,8 @@ fn long_narrow_facets_are_not_felt_twice_however_deep() {
         for _ in 0..1000 {
             let height = draw.within(0.1, 0.99) * RADIUS * if k % 3 == 0 { -1.0 } else { 1.0 };
             let over = at(draw.within(0.5, 5.5), draw.within(-0.45, 0.45)) + DVec3::Z * height;
-            let (touches, felt) = felt(&walls, &frame, frame.encode(turn * over));
-            assert!(felt.len() <= 1, "{height} m over {over}: {felt:?}");
+            let (touches, acting) = contacts(&walls, &frame, frame.encode(turn * over));
+            assert!(acting.len() <= 1, "{height} m over {over}: {acting:?}");
             several += usize::from(touches.len() > 1);
         }
     }
@@ -108,7 +108,7 @@ fn long_narrow_facets_are_not_felt_twice_however_deep() {
 }
 
 #[test]
-fn lists_hold_all_facets_in_reach_and_no_other_in_order() {
+fn facet_lists_hold_exactly_the_facets_in_reach_in_order() {
     let turn =
         Motion::Moving { velocity: DVec3::X * 0.1, pivot: DVec3::Y * 0.1, spin: DVec3::new(0.3, 0.5, -1.0) };
     let mut scene = sphere(vec![], DVec3::ZERO, 1e-5);

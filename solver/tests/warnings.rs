@@ -31,7 +31,7 @@ fn a_drop_that_lands_has_no_warning_and_one_cut_short_has() {
 }
 
 #[test]
-fn a_plate_that_tilts_too_little_is_named() {
+fn plate_that_tilts_too_little_has_a_warning() {
     let slide = |max_tilt_deg: f64| json!({"experiment": "slide", "slide": {"max_tilt_deg": max_tilt_deg, "tilt_rate_deg_s": 30}});
     let result = run(slide(2.0));
     assert_eq!(codes(&result), ["test_never_began"]);
@@ -40,7 +40,7 @@ fn a_plate_that_tilts_too_little_is_named() {
 }
 
 #[test]
-fn bodies_that_leave_a_scene_are_named_with_their_share() {
+fn escaped_bodies_of_a_scene_have_a_warning_with_their_share() {
     // Two bodies: one lies on the floor, the other falls past it.
     let floor = json!({"name": "floor", "plate_m": [[-0.3, -0.3, 0], [0.6, 0, 0], [0, 0.6, 0]]});
     let bodies = json!([{"position_m": [0, 0, 0.03]}, {"position_m": [0.6, 0, 0.03]}]);
@@ -66,7 +66,7 @@ fn results_without_warnings_are_still_read() {
 }
 
 #[test]
-fn a_scenario_of_an_earlier_schema_keeps_its_digest_and_is_told_from_a_present_one() {
+fn result_with_an_earlier_scenario_schema_keeps_its_digest() {
     let mut document =
         json!(run(json!({"experiment": "drop", "product": {"count": 1}, "numerics": {"duration_s": 0.01}})));
     document["scenario"]["schema"] = json!("roost.scenario/1");

@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn line_of_three_points() {
+    fn regression_line_of_three_points_matches_hand_calculated_values() {
         // y = 1, 3, 2: slope ½, mean 2, and a quarter of the variance.
         let fit = line(&[(0.0, 1.0), (1.0, 3.0), (2.0, 2.0)]).unwrap();
         assert_eq!((fit.slope, fit.intercept, fit.r2), (0.5, 1.5, 0.25));
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn p_values_of_rank_correlations() {
+    fn p_values_of_rank_correlations_match_the_closed_form() {
         // ρ = 0.6 of 6 points: t = 1.5 with ν = 4, p = 1 − t (6 + t²) / (4 + t²)^1.5.
         let expected = 1.0 - 1.5 * (6.0 + 2.25) / 6.25f64.powf(1.5);
         assert_near(rank_correlation_p_value(0.6, 6).unwrap(), expected);

@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn moments_are_those_of_the_analysis_of_variance() {
+    fn nested_moments_match_the_analysis_of_variance() {
         // Means 2, 5 and 8; within: 2 + 2 + 2 over 3 degrees of freedom; between: 2 · (9 + 0 + 9) / 2.
         let found = Nested::of(&[vec![1.0, 3.0], vec![4.0, 6.0], vec![7.0, 9.0]]).unwrap();
         assert_eq!(found.mean, 5.0);

@@ -144,7 +144,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn durations_and_time_left() {
+    fn durations_and_time_left_are_formatted() {
         let shown: Vec<_> = [0.2, 59.4, 59.6, 187.0, 3729.0].into_iter().map(duration).collect();
         assert_eq!(shown, ["0 s", "59 s", "1:00", "3:07", "1:02:09"]);
         assert_eq!(time_left(0.25, 10.0).unwrap(), "30 s left");
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_bytes_and_cells() {
+    fn counts_bytes_and_cells_are_formatted() {
         assert_eq!([count(950.0), count(12_340.0), count(4.56e6)], ["950", "12.3 k", "4.56 M"]);
         assert_eq!(bytes(3 * 1024 * 1024 / 2), "1.50 MiB");
         let shown: Vec<_> =

@@ -45,7 +45,7 @@ fn audit_pages(page: &mut Page, paths: &[&str]) {
 }
 
 #[test]
-fn a_sweep_from_form_to_plots() {
+fn sweep_runs_from_the_form_to_its_plots() {
     let sandbox = Sandbox::new();
     let _server = sandbox.start_server();
     let mut page = Page::new(&sandbox.address);

@@ -78,7 +78,7 @@ fn assert_intervals(trace: &Value, estimated: &Value, at: &str) {
 }
 
 #[test]
-fn a_study_from_its_question_to_its_answer() {
+fn study_runs_from_its_question_to_its_answer() {
     let sandbox = Sandbox::new();
     let _server = sandbox.start_server();
     let mut page = Page::new(&sandbox.address);

@@ -18,5 +18,5 @@ curl --silent --fail --output /dev/null --request PUT "http://$address/roost-tes
 
 export AWS_ENDPOINT_URL=http://$address AWS_ALLOW_HTTP=true AWS_REGION=us-east-1
 export AWS_ACCESS_KEY_ID=test AWS_SECRET_ACCESS_KEY=test ROOST_TEST_BUCKET=s3://roost-test/some/where
-cargo test --package roost-server --features s3 --lib -- --include-ignored --exact store::objects::tests::an_object_in_a_bucket
+cargo test --package roost-server --features s3 --lib -- --include-ignored --exact store::objects::tests::object_life_cycle_in_a_bucket
 grep -oE '(DELETE|GET|HEAD|POST|PUT) /' target/s3/moto.log | sort | uniq -c   # what was asked of it

@@ -92,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn trigamma_at_known_places() {
+    fn trigamma_matches_known_values() {
         let square = std::f64::consts::PI.powi(2);
         for (x, expected) in [(1.0, square / 6.0), (0.5, square / 2.0), (2.0, square / 6.0 - 1.0)] {
             assert!((trigamma(x) - expected).abs() < 1e-8, "{x}");

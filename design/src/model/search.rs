@@ -73,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn finds_the_top_of_a_bent_ridge() {
+    fn maximise_finds_the_optimum_of_the_rosenbrock_function() {
         // Rosenbrock's function, upside down; its top is at (1, 1).
         let mut calls = 0;
         let (at, value) = maximise(&[-1.2, 1.0], 200, |x| {

@@ -93,7 +93,7 @@ fn the_band_holds_the_boundary_of_two_factors() {
 }
 
 #[test]
-fn a_level_that_is_never_reached_is_nowhere() {
+fn level_that_is_never_reached_has_no_boundary() {
     for (level, place) in [(3.0, Place::NowhereAllBelow), (-5.0, Place::NowhereAllAbove)] {
         let truth = Truth { level, ..*truth("2 factors, closed") };
         let (runs, decision) = play(&question(&truth, 500, 0.02), ("y", 20, 1), {
@@ -145,7 +145,7 @@ fn order_of_results_does_not_matter_and_nothing_is_proposed_twice() {
 }
 
 #[test]
-fn a_batch_in_two_halves_is_the_whole_batch() {
+fn two_half_batches_propose_the_same_runs_as_one_batch() {
     for name in ["2 factors, curved", "2 factors, wavy"] {
         let truth = truth(name);
         let question = question(truth, 600, 0.001);
@@ -169,7 +169,7 @@ fn a_batch_in_two_halves_is_the_whole_batch() {
 }
 
 #[test]
-fn workers_are_busy_before_results_arrive() {
+fn runs_are_proposed_while_all_others_are_pending() {
     let question = question(truth("2 factors, tilted"), 2000, 0.02);
     let mut runs: Vec<Run> = Vec::new();
     for _ in 0..2 {
@@ -219,7 +219,7 @@ fn failures_in_a_corner_do_not_stop_a_study() {
 }
 
 #[test]
-fn odd_responses_never_stop_a_study() {
+fn constant_missing_and_huge_responses_do_not_stop_a_study() {
     type Response = fn(&[f64], usize) -> f64;
     let responses: [(&str, Response); 4] = [
         ("always the same", |_, _| 3.0),
@@ -241,7 +241,7 @@ fn odd_responses_never_stop_a_study() {
 }
 
 #[test]
-fn faults_of_a_boundary() {
+fn faults_of_a_boundary_have_their_pointers() {
     let pointers = |change: &dyn Fn(&mut Value)| -> Vec<String> {
         let mut document = serde_json::to_value(question(truth("3 factors, tilted"), 100, 0.02)).unwrap();
         change(&mut document);
@@ -309,7 +309,7 @@ fn two_thousand_points_with_runs_in_flight_take_less_than_2_seconds() {
 }
 
 #[test]
-fn the_share_on_the_wrong_side_is_that_of_the_whole_range() {
+fn misclassified_share_is_estimated_over_the_whole_range() {
     let truth = truth("4 factors");
     let question = question(truth, 10_000, 0.0001);
     let mut random = Random(2);
@@ -341,7 +341,7 @@ fn the_share_on_the_wrong_side_is_that_of_the_whole_range() {
 }
 
 #[test]
-fn a_large_budget_may_wait_for_its_first_results() {
+fn proposals_without_results_are_limited_by_the_sobol_sequence() {
     let question = question(truth("2 factors, tilted"), 100_000, 0.02);
     let first = decide(&question, &Evidence::default(), 100, 1).proposals;
     let runs = first.into_iter().map(|Proposal { point, replicate }| Run {
@@ -357,7 +357,7 @@ fn a_large_budget_may_wait_for_its_first_results() {
 }
 
 #[test]
-fn one_enormous_response_is_left_out_and_named() {
+fn single_huge_outlier_is_excluded_and_reported() {
     let truth = truth("2 factors, wavy");
     let question = question(truth, 400, 0.03);
     let mut random = Random(4);

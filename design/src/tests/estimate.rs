@@ -130,7 +130,7 @@ fn a_point_with_many_digits_finds_its_runs() {
 }
 
 #[test]
-fn a_cancelled_run_costs_its_replicate_and_nothing_else() {
+fn cancelled_run_is_replaced_by_another_replicate() {
     let question = question(10, 0.1);
     let first = decide(&question, &Evidence::default(), 10, 1).proposals;
     let mut runs: Vec<Run> = first.iter().map(|next| run(next, "jammed", 0.0)).collect();
@@ -147,7 +147,7 @@ fn a_cancelled_run_costs_its_replicate_and_nothing_else() {
 }
 
 #[test]
-fn responses_of_a_probability_other_than_0_and_1_are_lost_and_named() {
+fn responses_of_a_probability_other_than_0_and_1_are_excluded_and_reported() {
     let (runs, decision) = play(&question(100, 0.1), ("jammed", 5, 1), |_| 3.2);
     assert_eq!(decision.finished, Some(Finished::NothingLeft));
     let [unusable] = &decision.answer.unusable[..] else { panic!("a row") };

@@ -37,7 +37,7 @@ fn a_result_replaces_a_failure_and_a_run_in_flight() {
 }
 
 #[test]
-fn a_proposed_point_survives_the_way_to_values_and_back() {
+fn proposed_point_round_trips_through_its_values() {
     let mut random = Random(2);
     for scale in [Scale::Linear, Scale::Log] {
         let factors = [Factor { scale, ..Factor::range("x".into(), 0.003, 7.0) }];
@@ -54,7 +54,7 @@ fn a_proposed_point_survives_the_way_to_values_and_back() {
 }
 
 #[test]
-fn a_cancelled_run_of_a_first_design_comes_again_as_another_replicate() {
+fn cancelled_run_of_a_first_design_is_replaced_by_another_replicate() {
     for goal in [
         json!({ "boundary": { "of": { "mean": "y" }, "level": 0.5 } }),
         json!({ "optimise": { "objectives": [{ "minimise": { "mean": "y" } }] } }),
@@ -88,7 +88,7 @@ fn a_cancelled_run_of_a_first_design_comes_again_as_another_replicate() {
 }
 
 #[test]
-fn a_sensitivity_loses_responses_that_are_not_of_a_probability() {
+fn sensitivity_excludes_responses_other_than_0_and_1_of_a_probability() {
     let document = json!({
         "factors": [
             { "name": "gate", "low": 0.0, "high": 1.0 },

@@ -92,7 +92,7 @@ fn forecast_is_the_first_number_of_values_with_a_narrow_interval() {
 }
 
 #[test]
-fn means_that_stop_by_width_are_as_certain_as_promised() {
+fn stopping_by_width_keeps_the_coverage_of_mean_intervals() {
     for (name, least, draw) in DISTRIBUTIONS {
         for width in [2.0, 1.0, 0.5, 0.25] {
             let mut held = 0;

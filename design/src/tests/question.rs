@@ -40,7 +40,7 @@ fn unknown_fields_and_wrong_types_are_refused_by_pointer() {
 }
 
 #[test]
-fn all_faults_are_named_at_once() {
+fn all_faults_of_a_question_are_reported_at_once() {
     let mut document = question();
     document["factors"][0]["high"] = json!(0.02);
     document["factors"][1]["low"] = json!(0.0);

@@ -88,7 +88,7 @@ fn coverage(learned: usize, slots: usize, (ahead, own): (u64, u64), sigma: f64) 
 }
 
 #[test]
-fn ranges_hold_the_true_times_in_about_the_promised_share() {
+fn forecast_ranges_cover_the_true_times_at_about_the_nominal_rate() {
     eprintln!(
         "| learned from | slots | jobs ahead | own jobs | σ | start in range | end in range | width over middle |"
     );
@@ -114,14 +114,14 @@ fn ranges_hold_the_true_times_in_about_the_promised_share() {
 }
 
 #[test]
-fn ranges_narrow_with_what_was_learned() {
+fn forecast_ranges_narrow_with_more_finished_runs() {
     let width = |learned| coverage(learned, 4, (50, 10), 0.4).2;
     let (few, many) = (width(5), width(100));
     assert!(many < 0.6 * few, "{few} after 5 runs, {many} after 100");
 }
 
 #[test]
-fn one_broken_run_does_not_decide_the_spread() {
+fn single_outlier_run_hardly_changes_the_learned_speed() {
     let runs = |broken: f64| (0..30).map(move |run| (60.0 + f64::from(run), 60.0)).chain([(broken, 60.0)]);
     let speed = |broken| Speed::learned(runs(broken));
     assert!((speed(60_000.0).median() - speed(70.0).median()).abs() < 0.05);

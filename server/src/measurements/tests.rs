@@ -145,7 +145,7 @@ fn shows(faults: &[Fault], place: &str, value: Value) {
 }
 
 #[test]
-fn each_yes_or_no_is_zero_or_one() {
+fn measured_yes_or_no_responses_must_be_0_or_1() {
     let with = |members: Value| {
         let mut document = sound();
         let mut slid = json!({"response": "slid"});

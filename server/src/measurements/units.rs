@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn decimal_parts_are_the_nearest_numbers() {
+    fn converted_decimal_values_are_the_nearest_numbers() {
         for (from, to, number, expected) in
             [("%", "", 35.0, 0.35), ("mm", "m", 9.0, 0.009), ("kg/min", "kg/s", 3.0, 0.05)]
         {
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn every_unit_of_the_table_belongs_to_results() {
+    fn every_unit_of_the_table_is_used_by_results() {
         let mut own: Vec<&str> = all_responses().iter().map(|shared| shared.row.unit).collect();
         own.extend(all_curves().iter().flat_map(|shared| [shared.row.unit, shared.row.over_unit]));
         own.extend(all_series().iter().map(|shared| shared.row.unit));

@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn rounds_advance_within_a_batch() {
+    fn fair_share_rounds_advance_within_a_batch_of_claims() {
         let many = |from| (from..from + 10).map(|seq| (seq, false));
         // The second list is of workers that can run no job of the second owner.
         let lists = [vec![owner_queue(1, many(0)), owner_queue(2, many(10))], vec![owner_queue(1, many(0))]];

@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn an_absent_owner_saves_no_rounds() {
+    fn absent_owner_accumulates_no_rounds() {
         let (mut rounds, mut taken) = (Rounds::default(), Taken::default());
         let queues = [owner_queue(0, 1, 0..100), owner_queue(0, 2, 100..200)];
         claimed(&mut rounds, &mut taken, &queues[1..], &[50]);
@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn jobs_of_one_fill_come_one_at_a_time() {
+    fn jobs_that_share_a_fill_are_claimed_one_at_a_time() {
         let with_fill = |seq, fill: u32| EligibleJob { fill: (fill > 0).then_some(fill), ..job(seq) };
         let queue = |owner, jobs: &[EligibleJob]| OwnerQueue { priority: 0, owner, jobs: jobs.to_vec() };
         let queues = [

@@ -36,7 +36,7 @@ fn why(job: &QueuedJob, workers: &[WorkerSight]) -> (WaitReason, String) {
 }
 
 #[test]
-fn every_reason_has_its_condition() {
+fn every_waiting_reason_has_its_condition() {
     let reason = |job: &QueuedJob, workers: &[WorkerSight], first| why_waiting(job, workers, first).reason;
     let none = before(0, 0);
     let (busy, free) = (worker(2, 2), worker(1, 2));
@@ -66,7 +66,7 @@ fn every_reason_has_its_condition() {
 }
 
 #[test]
-fn details_have_the_numbers() {
+fn details_of_waiting_reasons_have_their_numbers() {
     let needs = |backend: Option<&str>, memory_mib| QueuedJob {
         needs: Needs { backend: backend.map(str::to_owned), memory_mib },
         ..JOB

@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_make_the_whole_and_a_gap_is_refused() {
+    fn consecutive_parts_of_samples_are_joined_and_a_gap_is_refused() {
         let mut samples = Samples::new(1);
         assert_eq!(samples.append(part(3, &[9.0]), 100, 1), gap(0));
         assert_eq!(samples.append(part(0, &[0.0, 1.0]), 100, 2), Ok(()));

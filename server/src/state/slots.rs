@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn claims_tell_the_slots() {
+    fn slots_of_a_worker_follow_its_claims() {
         let (slots, worker) = (WorkerSlots::default(), WorkerId::new());
         let of = |backend, jobs| slots.of(&worker.to_string(), backend, 8, jobs);
         assert_eq!((of("cpu", 0), of("gpu", 0), of("gpu", 3)), (8, 1, 3), "before a claim");

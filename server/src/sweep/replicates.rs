@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn passes_hold_what_fits_and_cover_every_response_once() {
+    fn passes_fit_the_memory_limit_and_cover_every_response_once() {
         // A response takes 3 · 8 + 4 + 8 = 36 bytes per point, 360 in all.
         for (max_bytes, expected) in [
             (1440, vec![vec!["a", "b", "c=word", "d"]]),

@@ -155,7 +155,7 @@ async fn a_stale_attempt_changes_no_checkpoint() {
 }
 
 #[tokio::test]
-async fn an_upload_continues_after_a_cut() {
+async fn interrupted_upload_is_resumed() {
     let (server, dir) = TestServer::start().await;
     let worker = server.worker("cpu").await;
     server.submit(&envelope(1)).await;

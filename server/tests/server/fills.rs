@@ -200,7 +200,7 @@ async fn a_job_with_a_checkpoint_waits_for_no_fill() {
 }
 
 #[tokio::test]
-async fn nobody_waits_for_a_withdrawn_fill_and_an_upload_stores_it_again() {
+async fn no_job_waits_for_a_withdrawn_fill_and_an_upload_stores_it_again() {
     let (server, dir) = TestServer::start().await;
     let worker = server.worker("cpu").await;
     submit(&server, &[(1, 0.04), (1, 0.05), (1, 0.06), (1, 0.07)]).await;
@@ -269,7 +269,7 @@ async fn stale_and_invalid_uploads_store_no_fill() {
 }
 
 #[tokio::test]
-async fn the_longest_unused_fills_go_first() {
+async fn least_recently_used_fills_are_evicted_first() {
     let (server, dir) = TestServer::with(|config| config.fill_limit_bytes = 25).await;
     let worker = server.worker("cpu").await;
     submit(&server, &[(1, 0.04), (2, 0.04), (3, 0.04), (1, 0.05), (2, 0.05)]).await;
@@ -295,7 +295,7 @@ async fn the_longest_unused_fills_go_first() {
 }
 
 #[tokio::test]
-async fn a_result_says_where_its_fill_came_from() {
+async fn result_records_the_origin_of_its_fill() {
     let (server, _dir) = TestServer::start().await;
     let worker = server.worker("cpu").await;
     let ids = submit(&server, &[(1, 0.04), (1, 0.05), (2, 0.04)]).await;

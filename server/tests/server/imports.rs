@@ -197,7 +197,7 @@ fn lower_layers_do_not_import_higher_ones() {
 }
 
 #[test]
-fn use_trees_and_cycles_are_found() {
+fn use_trees_are_expanded_and_import_cycles_detected() {
     assert_eq!(paths("a::{b, c::{d, e}, f}; x"), ["a::b", "a::c::d", "a::c::e", "a::f"]);
     let code = "use crate::{http, queue::x};\nuse super::super::store::Store;\nlet y = super::rows::z();";
     assert_eq!(

@@ -126,7 +126,7 @@ async fn a_boundary_is_found_and_stated() {
 }
 
 #[tokio::test]
-async fn a_restarted_server_goes_on_with_a_study() {
+async fn restarted_server_continues_a_study() {
     let dir = tempfile::tempdir().unwrap();
     let mut server = TestServer::on(dir.path(), |_| {}).await;
     let id = submit(&server, &question(400)).await;
@@ -145,7 +145,7 @@ async fn a_restarted_server_goes_on_with_a_study() {
 }
 
 #[tokio::test]
-async fn a_study_ends_at_its_budget_and_goes_on_with_a_larger_one() {
+async fn study_ends_at_its_budget_and_continues_with_a_larger_one() {
     let (server, _dir) = TestServer::start().await;
     let id = submit(&server, &question(12)).await;
     let study = work(&server, &id, usize::MAX).await;

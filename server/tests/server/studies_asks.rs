@@ -112,7 +112,7 @@ async fn handed_out_runs_are_pending_over_a_restart_and_never_proposed_twice() {
 }
 
 #[tokio::test]
-async fn outcomes_are_told_once() {
+async fn repeated_outcomes_are_recorded_once() {
     let (server, _dir) = TestServer::start().await;
     let id = driven(&server, 60).await;
     let runs = hand_out(&server, &id, 4).await;
@@ -170,7 +170,7 @@ async fn runs_can_be_given_back_and_expire() {
 }
 
 #[tokio::test]
-async fn a_client_drives_jobs_and_tells_runs_of_its_own() {
+async fn client_requests_jobs_and_reports_its_own_runs() {
     let (server, _dir) = TestServer::start().await;
     let id = driven(&server, 20).await;
     tokio::time::sleep(Duration::from_millis(500)).await;
@@ -219,7 +219,7 @@ async fn a_client_drives_jobs_and_tells_runs_of_its_own() {
 }
 
 #[tokio::test]
-async fn a_cancelled_study_without_jobs_goes_on_as_its_refusals_say() {
+async fn cancelled_client_study_continues_by_the_retry_named_in_its_refusals() {
     let (server, _dir) = TestServer::start().await;
     let id = driven(&server, 60).await;
     let runs = hand_out(&server, &id, 2).await;

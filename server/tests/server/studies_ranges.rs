@@ -17,7 +17,7 @@ fn says(study: &Value, part: &str) -> bool {
 }
 
 #[tokio::test]
-async fn a_finished_study_goes_on_in_a_wider_range() {
+async fn finished_study_continues_in_a_wider_range() {
     let (server, _dir) = TestServer::start().await;
     let mut question = question(400);
     // Nearly every run jams here: the boundary is outside.

@@ -48,7 +48,7 @@ fn differences(recorded: &Value, now: &Value, at: &str) -> Vec<String> {
 }
 
 #[test]
-fn difference_is_found() {
+fn differences_between_answers_are_listed_by_pointer() {
     let recorded = json!({"a": [1, {"b": null}], "c": "x"});
     assert_eq!(differences(&recorded, &json!({"a": [1, {"b": null, "new": 1}], "c": "x"}), ""), [""; 0]);
     let now = json!({"a": [2, {"b": 1}]});

@@ -214,7 +214,7 @@ async fn a_job_that_runs_alone_waits_for_an_idle_worker() {
 }
 
 #[tokio::test]
-async fn the_reason_does_not_hide_behind_an_etag() {
+async fn etag_changes_with_the_waiting_reason() {
     let (server, _dir) = TestServer::with(|config| config.lease = Duration::from_secs(60)).await;
     let job = server.submit(&envelope(1)).await;
     let path = format!("/v1/jobs/{}", text(&job["id"]));

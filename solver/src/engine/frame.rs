@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn encoding_keeps_nanometres() {
+    fn encoding_error_is_at_most_half_a_unit() {
         let frame = Frame::new(DVec3::new(-1.0, -1.0, -1.0), DVec3::ONE, false);
         let x = DVec3::new(0.123_456_789, -0.9, 0.5);
         assert!((frame.decode(frame.encode(x)) - x).abs().max_element() <= f64::from(frame.unit_m) / 2.0);

@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn facets_are_those_that_all_pairs_of_triangles_give() {
+    fn facets_match_a_search_over_all_pairs_of_triangles() {
         let mut draw = ChaCha8Rng::seed_from_u64(1);
         let mut joined = 0;
         for round in 0..40 {
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn an_edge_of_a_thousand_triangles_takes_no_time_and_joins_none() {
+    fn thousand_triangles_on_one_edge_stay_separate_facets() {
         let page = |k: u32| {
             let angle = f64::from(k) * 1e-5;
             [DVec3::ZERO, DVec3::Z, DVec3::new(angle.cos(), angle.sin(), 0.0)]
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_of_many_triangles_is_that_of_them_all() {
+    fn nearest_point_of_a_facet_matches_a_search_over_its_triangles() {
         let at = |i: u32, j: u32| DVec3::new(f64::from(i), f64::from(j), 0.0) * 0.01;
         let cells = (0..600).map(|k| (k % 30, k / 30)).filter(|(i, j)| (i * 7 + j * 3) % 11 != 0);
         let square =

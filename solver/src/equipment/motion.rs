@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_turning_plate_follows_its_angle() {
+    fn pose_of_a_rotating_plate_follows_its_angle() {
         let motion = Motion::Moving { velocity: DVec3::X, pivot: DVec3::ZERO, spin: DVec3::Y * 0.5 };
         let pose = motion.pose(Some(std::f64::consts::PI));
         assert!((pose.turn * DVec3::X - -DVec3::Z).length() < 1e-12, "a quarter turn about y takes x to -z");

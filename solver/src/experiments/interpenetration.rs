@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn nested_lattices_hold_one_sub_particle_in_each_cell() {
+    fn interpenetration_of_nested_lattices_is_one_sub_particle_per_cell() {
         let scene = two_fillets(0.3);
         let expected = whole_cells(&scene) as f64 / scene.kinds[0].meta.points.len() as f64;
         assert!(expected > 0.2, "{expected}");
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn fillets_side_by_side_hold_nothing() {
+    fn fillets_side_by_side_have_no_interpenetration() {
         let scene = two_fillets(0.3);
         let measure = Interpenetration::new(&scene);
         assert_eq!(measure.fraction(&State::new(&scene)), Some(0.0));
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn nested_fillets_across_a_periodic_seam_count_alike() {
+    fn interpenetration_is_the_same_across_a_periodic_boundary() {
         let mut scene = two_fillets(0.3);
         let shift = DVec3::new(1.1, 0.9, 0.8);
         let apart = Interpenetration::new(&scene).fraction(&nested(&scene, shift, |point| point));
@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn torn_cells_and_missing_corners_hold_nothing() {
+    fn interpenetration_excludes_torn_cells_and_cells_with_missing_corners() {
         let scene = two_fillets(0.3);
         let measure = Interpenetration::new(&scene);
         let count = scene.kinds[0].meta.points.len();

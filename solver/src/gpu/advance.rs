@@ -199,7 +199,7 @@ mod tests {
     use super::next_interval;
 
     #[test]
-    fn a_short_chunk_does_not_shorten_the_interval_for_long() {
+    fn next_interval_grows_again_after_a_short_chunk() {
         // A run that crosses half the skin in 100 steps.
         assert_eq!(next_interval(1, 40, 1e-5, 1e-3), 40);
         assert_eq!(next_interval(1, 100, 1e-9, 1e-3), 64);

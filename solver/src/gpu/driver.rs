@@ -269,7 +269,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_submission_is_as_long_as_the_device_is_fast() {
+    fn steps_per_submission_follow_the_speed_of_the_device() {
         assert_eq!(steps_within(MAX_SUBMISSION_S, 1e9, 100_000), MAX_CHUNK_STEPS);
         assert_eq!(steps_within(MAX_SUBMISSION_S, 1e9, 10_000_000), 10);
         assert_eq!(steps_within(MAX_SUBMISSION_S, 1e6, 10_000_000), 1);

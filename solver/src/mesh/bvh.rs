@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_near_is_found_without_looking_at_much() {
+    fn bvh_finds_all_boxes_within_reach_and_visits_few() {
         let (boxes, looked) = (boxes(), Cell::new(0));
         let bvh = Bvh::new(&boxes);
         for p in [Vec3::new(3.3, 17.9, 8.2), Vec3::splat(-0.5), Vec3::new(15.0, 40.0, 15.0)] {

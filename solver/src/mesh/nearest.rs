@@ -66,7 +66,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_long_triangle_keeps_its_nearest_point() {
+    fn nearest_point_on_a_sliver_triangle_is_exact() {
         // Slivers 300 mm long and 0.5 mm to 50 µm wide, anywhere in space. Above a point of the triangle,
         // that point is the nearest.
         for k in 0..200u32 {
@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_point_agrees_with_a_search() {
+    fn nearest_point_on_a_triangle_agrees_with_a_brute_force_search() {
         let triangle = [Vec3::ZERO, Vec3::new(1.0, 0.2, 0.0), Vec3::new(0.3, 0.9, 0.4)];
         let [a, b, c] = triangle;
         for k in 0..500u32 {

@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn corners_weld_across_the_borders_of_cells_and_no_farther_than_they_should() {
+    fn only_corners_within_the_weld_distance_are_welded_also_across_grid_cells() {
         for shift in 0..50 {
             let p = DVec3::new(0.3, -0.2, 0.1) + DVec3::splat(f64::from(shift) * 0.31 * WELD_M);
             for out in [DVec3::X, -DVec3::Y, DVec3::ONE.normalize(), DVec3::new(-0.6, 0.0, 0.8)] {

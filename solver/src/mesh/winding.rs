@@ -22,7 +22,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_tetrahedron_winds_once_round_what_is_in_it() {
+    fn winding_number_is_1_inside_a_tetrahedron_and_0_outside() {
         let [o, x, y, z] = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
         let faces = [[o, y, x], [o, x, z], [o, z, y], [x, y, z]];
         assert!((winding(&faces, DVec3::splat(0.2)) - 1.0).abs() < 1e-12);

@@ -52,7 +52,7 @@ fn series(name: &str, t_s: &[f64], values: &[f64]) -> Series {
 }
 
 #[test]
-fn a_stress_at_a_strain_lies_between_its_samples() {
+fn stress_at_a_strain_is_interpolated() {
     let stress = curve("stress", "strain", &[0.0, 0.02, 0.03], &[0.0, 200.0, 450.0]);
     // The same name over another strain is another curve.
     let lattice = curve("stress_lattice", "strain_lattice", &[0.0, 0.01], &[0.0, 200.0]);
@@ -70,7 +70,7 @@ fn a_stress_at_a_strain_lies_between_its_samples() {
 }
 
 #[test]
-fn a_curve_that_goes_back_counts_its_first_place() {
+fn non_monotonic_curve_is_evaluated_at_its_first_crossing() {
     let stress = curve("stress", "strain", &[0.0, 0.01, 0.02, 0.03], &[0.0, 300.0, 100.0, 400.0]);
     let result = result("compress", EndReason::Done, json!({}), &[], &[stress]);
     assert!((value(&result, "compress", "strain@stress_pa=150").unwrap() - 0.005).abs() < 1e-12);
@@ -81,7 +81,7 @@ fn a_curve_that_goes_back_counts_its_first_place() {
 }
 
 #[test]
-fn a_mass_stays_after_a_hopper_is_empty_or_jammed_only() {
+fn discharged_mass_is_extended_only_after_an_empty_or_jammed_hopper() {
     let times = [0.0, 1.0, 2.0, 3.0];
     let (out, rate) = (
         series("discharged_mass", &times, &[0.0, 8.0, 16.0, 16.0]),
@@ -102,7 +102,7 @@ fn a_mass_stays_after_a_hopper_is_empty_or_jammed_only() {
 }
 
 #[test]
-fn words_bodies_surfaces_and_other_experiments_are_no_observables() {
+fn text_per_body_per_surface_and_foreign_responses_are_no_observables() {
     let none = |experiment: &str, name: &str| {
         assert_eq!(Observable::parse(outputs(experiment), name), None, "{experiment} {name}");
     };
@@ -117,7 +117,7 @@ fn words_bodies_surfaces_and_other_experiments_are_no_observables() {
 }
 
 #[test]
-fn every_line_has_a_name_of_its_own_that_is_read_again() {
+fn every_observable_has_a_unique_name_that_parses_back() {
     for experiment in crate::scenario::fields::EXPERIMENTS {
         let lines = lines(outputs(experiment));
         let mut names: Vec<String> = Vec::new();

@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flat_fillet_is_flat_however_it_lies() {
+    fn flat_fillet_has_no_bend_angle_in_any_orientation() {
         for radius in [0.003, 0.004, 0.009] {
             let flat = fillet(radius);
             let turn = DQuat::from_scaled_axis(DVec3::new(0.3, -1.1, 0.7));
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn an_arc_reads_the_turning_between_the_middles_of_its_outer_tenths() {
+    fn bend_angle_of_an_arc_is_measured_between_its_outer_tenths() {
         for (radius, arc) in [(0.002, 0.05), (0.002, 0.2), (0.004, 0.08)] {
             let flat = fillet(radius);
             // Between the outermost rows' middles; the outermost layers hold few sub-particles, so the means lie further in.
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tip_that_dangles_tells_nothing() {
+    fn dangling_tip_does_not_change_the_bend_angle() {
         let flat = fillet(0.004);
         let tip = flat.iter().map(|p| p.x).fold(f64::MIN, f64::max);
         let dangle = |p: &DVec3| if p.x > tip - 0.004 { *p + DVec3::new(-0.008, 0.0, -0.008) } else { *p };
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folded_fillet_reads_half_a_turn() {
+    fn folded_fillet_has_a_bend_angle_of_180_degrees() {
         // Straight legs, and between them a half circle of 1 cm about x = 0.
         let flat = fillet(0.002);
         let half = PI * 0.01 / 2.0;
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn an_s_reads_what_its_ends_differ_by() {
+    fn bend_angle_of_an_s_shape_is_the_difference_of_its_end_slopes() {
         let flat = fillet(0.003);
         let wave = |p: &DVec3| DVec3::new(p.x, p.y, p.z + 0.02 * (p.x * 40.0).sin());
         let found = bend_angle_deg(&flat, &flat.iter().map(wave).collect::<Vec<_>>()).unwrap();
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_length_has_no_angle() {
+    fn body_without_length_has_no_bend_angle() {
         let column = [DVec3::ZERO, DVec3::Z, DVec3::Z * 2.0];
         assert_eq!(bend_angle_deg(&column, &column), None);
         assert_eq!(bend_angle_deg(&[], &[]), None);

@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn the_modulus_of_a_spring_is_its_own() {
+    fn modulus_of_a_linear_spring_is_exact() {
         let curve = pressed(0.041, 7e-5, 60).curve();
         let by = |strain: fn(&StressStrain) -> f64| {
             modulus_pa(curve.iter().map(|p| (strain(p), p.stress_pa)), 0.0, 0.03).unwrap()
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn the_modulus_sees_the_window_alone() {
+    fn modulus_uses_only_points_within_the_strain_window() {
         let bent =
             (0..100).map(|k| f64::from(k) * 1e-3).map(|e| (e, if e <= 0.05 { 100.0 * e } else { 5.0 }));
         let bent: Vec<(f64, f64)> = bent.collect();
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failure_after_the_largest_stress_does_not_start_the_test_anew() {
+    fn failure_after_the_maximum_stress_leaves_the_curve_unchanged() {
         let mut compression = pressed(0.041, 7e-5, 60);
         let before = compression.curve();
         compression.record(CompressionSample { stress_pa: -3.0, ..spring(0.036) });
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_never_pressed_has_no_curve() {
+    fn block_that_was_never_compressed_has_no_curve() {
         let mut compression = Compression::default();
         assert!(compression.curve().is_empty() && compression.strain().is_none());
         compression.record(spring(0.05));

@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn without_samples_or_filling_it_is_unknown() {
+    fn jam_is_unknown_without_samples_or_filling() {
         let none = Passages { t_s: &[], mass_kg: &[], inside_kg: &[], filled_kg: FILLED };
         assert_eq!(none.jam(1.0), Jam::Unknown);
         let t_s = [0.0, 2.0];

@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plug_takes_its_length_over_its_speed() {
+    fn residence_times_of_plug_flow_are_distance_over_speed() {
         let residence = plug(1.3).residence();
         assert_eq!(residence.so_far_s, [0.0; 0]);
         for (k, time_s) in residence.times_s.iter().enumerate() {
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn bodies_that_have_just_entered_do_not_count_as_slow() {
+    fn residence_shares_match_kaplan_meier_with_bodies_still_inside() {
         // Freireich's remission times under 6-MP in weeks (1963), of which Kaplan–Meier gives S(6) = 18/21, S(7) = S(6) · 16/17,
         // S(10) · 14/15, S(13) · 11/12, S(16) · 10/11, S(22) · 6/7, S(23) · 5/6 = 0.448.
         let residence = Residence {
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn a_steady_feed_of_equal_times_has_them_as_its_percentiles() {
+    fn percentile_of_a_steady_feed_with_equal_times_is_that_time() {
         // A body enters each 0.1 s and stays 1 s. At the end ten are inside, at most 0.9 s.
         let mut times = ResidenceTimes::default();
         for step in 0..=30 {

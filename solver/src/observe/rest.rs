@@ -38,7 +38,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rest_is_slowness_that_lasts() {
+    fn rest_needs_slow_motion_for_the_whole_duration() {
         let mut rest = RestDetector::default();
         for (now, moving, since) in [
             (0.0, 0, None),

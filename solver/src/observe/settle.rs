@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_exponential_settles_after_ln_100_of_its_times() {
+    fn exponential_decay_settles_after_ln_100_time_constants() {
         // E = 3 J exp(−t/τ) from 0.05 s on.
         let tau = 0.04;
         let mut settling = SettlingTimer::new(0.05, 3.0);
@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn what_rises_again_has_not_settled_before() {
+    fn settle_time_restarts_if_the_energy_rises_again() {
         let mut settling = SettlingTimer::new(0.0, 1.0);
         for (t, energy) in [(0.0, 1.0), (0.1, 0.001), (0.2, 0.5)] {
             settling.record(t, energy);
@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_still_before_it_is_touched_has_not_settled() {
+    fn body_at_rest_before_contact_has_no_settle_time() {
         let mut settling = SettlingTimer::new(0.15, 1.0);
         settling.record(0.1, 0.0);
         assert_eq!(settling.time_s(), None);

@@ -94,14 +94,14 @@ mod tests {
     }
 
     #[test]
-    fn a_block_that_breaks_loose_slides_from_there() {
+    fn block_with_higher_static_friction_slides_at_its_static_friction_angle() {
         // Static friction above sliding friction: the block gains speed within a few samples.
         let found = found_deg(3.0, 0.5, 0.4).expect("slides");
         assert!((found - 0.5f64.atan().to_degrees()).abs() < 0.1, "{found}");
     }
 
     #[test]
-    fn what_comes_to_rest_again_has_not_slid() {
+    fn stop_after_a_short_slip_resets_the_onset_of_sliding() {
         let mut sliding = SlidingDetector::default();
         for (t, v) in [(0.0, 0.0), (1.0, 0.05), (1.2, 0.06), (1.4, 0.0), (1.6, 0.009)] {
             sliding.record(t, v);
@@ -119,14 +119,14 @@ mod tests {
     }
 
     #[test]
-    fn creep_is_no_sliding() {
+    fn creep_at_constant_speed_is_not_sliding() {
         let mut sliding = SlidingDetector::default();
         (0..100).for_each(|k| sliding.record(0.1 * f64::from(k), 0.03));
         assert_eq!(sliding.onset_s(), None);
     }
 
     #[test]
-    fn what_slides_from_the_start_slides_at_0() {
+    fn block_that_slides_from_the_start_has_an_onset_of_0() {
         let mut sliding = SlidingDetector::default();
         let _ = [(0.0, 0.02), (0.1, 0.06), (0.5, 0.4)].map(|(t, v)| sliding.record(t, v));
         assert_eq!(sliding.onset_s(), Some(0.0));

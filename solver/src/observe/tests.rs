@@ -68,7 +68,7 @@ fn near(found: Option<f64>, expected: f64, tolerance: f64) {
 }
 
 #[test]
-fn the_throughput_is_95_percent_over_the_time_until_they_were_out() {
+fn effective_throughput_is_95_percent_of_the_mass_over_its_discharge_time() {
     let responses = sample(10.0, line(8.0)).responses();
     close(responses.effective_throughput_kg_s, 8.0);
     // Slow at first, and fast at last: the mean counts.
@@ -79,7 +79,7 @@ fn the_throughput_is_95_percent_over_the_time_until_they_were_out() {
 }
 
 #[test]
-fn a_straight_line() {
+fn constant_flow_has_the_expected_responses() {
     let responses = sample(6.0, line(8.0)).responses();
     close(responses.discharged_kg, 40.0);
     close(responses.discharged_kg_at_4s, 32.0);
@@ -99,7 +99,7 @@ fn a_straight_line() {
 }
 
 #[test]
-fn a_stop_of_two_seconds() {
+fn stoppage_of_two_seconds_has_the_expected_responses() {
     // 8 kg/s for 2 s, nothing for 2 s, 8 kg/s again: 80 % (32 kg) is out at 6 s.
     let responses = sample(8.0, |t| line(8.0)(if t < 2.0 { t } else { (t - 2.0).max(2.0) })).responses();
     close(responses.discharged_kg_at_4s, 16.0);
@@ -121,7 +121,7 @@ fn a_stop_shorter_than_the_running_mean_is_inconsistent() {
 }
 
 #[test]
-fn a_spill_and_then_nothing() {
+fn spill_without_later_flow_is_no_flow() {
     // 8 kg/s for 0.4 s: the spill is neither flow nor the measure of flow.
     let responses = sample(6.0, |t| 8.0 * t.min(0.4)).responses();
     close(responses.discharged_kg_at_4s, 3.2);
@@ -138,7 +138,7 @@ fn a_spill_and_then_nothing() {
 }
 
 #[test]
-fn a_spill_before_a_steady_flow_spoils_neither_mean_nor_variation() {
+fn initial_spill_is_excluded_from_mean_rate_and_variation() {
     let responses = sample(6.0, |t| 16.0 * t.min(0.3) + 7.0 * (t - 0.3).max(0.0)).responses();
     close(responses.mean_rate_kg_s, 7.0);
     close(responses.rate_variation, 0.0);
@@ -147,7 +147,7 @@ fn a_spill_before_a_steady_flow_spoils_neither_mean_nor_variation() {
 }
 
 #[test]
-fn an_exponential() {
+fn exponential_discharge_matches_its_closed_form() {
     // m = 40 (1 − e^(−t/2)): 80 % out at 2 ln 5, and the slowest second is the last before that.
     let responses = sample(12.0, |t| FILLED * (1.0 - (-t / 2.0).exp())).responses();
     let until = 2.0 * 5f64.ln();
@@ -172,7 +172,7 @@ fn an_exponential() {
 }
 
 #[test]
-fn the_variation_of_a_wave() {
+fn variation_of_a_sinusoidal_rate_matches_its_closed_form() {
     // A rate of 6 + 3 cos(πt) kg/s: over 1 s, half a period, its running mean swings by 3 · 2/π.
     let responses =
         sample(5.0, |t| 6.0 * t + 3.0 / std::f64::consts::PI * (std::f64::consts::PI * t).sin()).responses();
@@ -182,13 +182,13 @@ fn the_variation_of_a_wave() {
 }
 
 #[test]
-fn a_variation_takes_a_second_and_a_half() {
+fn rate_variation_needs_2_s_of_discharge() {
     assert_eq!(sample(1.98, line(8.0)).responses().rate_variation, None);
     close(sample(2.0, line(8.0)).responses().rate_variation, 0.0);
 }
 
 #[test]
-fn empty_early_is_judged() {
+fn regime_of_a_hopper_that_empties_early_is_known() {
     let responses = sample(2.5, line(16.0)).ended(EndReason::Empty).responses();
     close(responses.discharged_kg_at_4s, 40.0);
     close(responses.time_to_99_percent_s, 0.99 * 2.5);
@@ -203,7 +203,7 @@ fn empty_early_is_judged() {
 }
 
 #[test]
-fn all_out_within_a_second() {
+fn hopper_that_empties_within_a_second_has_a_regime_but_no_mean_rate() {
     for (rate, end) in [(60.0, 0.68), (200.0, 0.2)] {
         let responses = sample(end, line(rate)).ended(EndReason::Empty).responses();
         assert_eq!(responses.regime, Some(Regime::Constant));
@@ -219,7 +219,7 @@ fn all_out_within_a_second() {
 }
 
 #[test]
-fn a_short_run_is_too_short_unless_something_ended_it() {
+fn short_run_is_too_short_unless_the_hopper_emptied_or_jammed() {
     let short = |end_reason| sample(3.98, line(3.0)).ended(end_reason).responses();
     assert_eq!(short(EndReason::Duration).regime, Some(Regime::TooShort));
     assert_eq!(short(EndReason::Unstable).regime, Some(Regime::TooShort));
@@ -234,7 +234,7 @@ fn a_short_run_is_too_short_unless_something_ended_it() {
 }
 
 #[test]
-fn regimes_change_at_their_shares_of_the_capacity() {
+fn regimes_change_at_their_shares_of_the_belt_capacity() {
     let regime = |rate| sample(6.0, line(rate)).responses().regime.unwrap();
     assert_eq!(regime(1.499), Regime::NoFlow);
     assert_eq!(regime(1.501), Regime::Inconsistent);
@@ -258,7 +258,7 @@ fn only_a_hopper_that_does_not_empty_has_no_flow() {
 }
 
 #[test]
-fn a_belt_that_outruns_the_bed_has_a_word_of_its_own() {
+fn belt_that_outruns_the_bed_has_the_regime_outrun() {
     // The bed of 40 kg has 1000 kg/m³; 0.08 m³/s carry it away in exactly 0.5 s.
     let regime = |opening_m3_s: f64, flow: &Sampled| {
         Discharge { full_opening_m3_s: Some(opening_m3_s), ..flow.discharge() }.responses().regime
@@ -284,7 +284,7 @@ fn without_an_opening_the_regime_is_null() {
 }
 
 #[test]
-fn the_last_fifth_may_trickle() {
+fn regime_ignores_slow_flow_of_the_last_fifth() {
     let responses = sample(10.0, |t| if t < 4.2 { 8.0 * t } else { 33.6 + 0.1 * (t - 4.2) }).responses();
     assert_eq!(responses.regime, Some(Regime::Constant));
     close(responses.longest_stoppage_s, 0.0);
@@ -292,7 +292,7 @@ fn the_last_fifth_may_trickle() {
 }
 
 #[test]
-fn nothing_at_all() {
+fn zero_discharge_has_the_expected_responses() {
     let responses = sample(6.0, |_| 0.0).responses();
     close(responses.discharged_kg, 0.0);
     close(responses.discharged_kg_at_4s, 0.0);
@@ -304,7 +304,7 @@ fn nothing_at_all() {
 }
 
 #[test]
-fn without_samples_capacity_or_fill_there_are_no_numbers() {
+fn responses_are_null_without_samples_capacity_or_fill() {
     let of = |t_s: Vec<f64>, end_reason| Sampled {
         mass_kg: vec![0.0; t_s.len()],
         inside_kg: vec![FILLED; t_s.len()],
@@ -339,7 +339,7 @@ fn responses_hardly_depend_on_the_output_interval() {
 }
 
 #[test]
-fn the_map_is_flat_and_says_regimes_in_words() {
+fn response_map_is_flat_and_has_regimes_as_words() {
     let map = sample(6.0, line(3.0)).responses().into_map();
     assert_eq!(map["regime"], "inconsistent");
     assert_eq!((&map["jammed"], &map["time_to_jam_s"]), (&0.into(), &serde_json::Value::Null));
@@ -356,7 +356,7 @@ fn the_map_is_flat_and_says_regimes_in_words() {
 }
 
 #[test]
-fn the_rate_is_the_slope_and_smears_a_step_over_its_window() {
+fn mass_rate_is_the_mean_slope_over_its_window() {
     let sampled = sample(2.0, |t| 8.0 * (t - 1.0).max(0.0));
     let rates = mass_rate(&sampled.t_s, &sampled.mass_kg);
     assert_eq!(rates.len(), sampled.t_s.len());
@@ -370,7 +370,7 @@ fn the_rate_is_the_slope_and_smears_a_step_over_its_window() {
 }
 
 #[test]
-fn a_known_rate_is_the_rate_of_the_whole_curve() {
+fn known_mass_rates_equal_those_of_the_complete_curve() {
     let sampled = sample(2.0, |t| t * t);
     let all = mass_rate(&sampled.t_s, &sampled.mass_kg);
     for n in 0..=all.len() {
@@ -382,7 +382,7 @@ fn a_known_rate_is_the_rate_of_the_whole_curve() {
 }
 
 #[test]
-fn the_rate_sums_up_to_the_mass() {
+fn integral_of_the_mass_rate_is_the_mass() {
     let sampled = sample(6.0, |t| 16.0 * t.min(0.3) + 6.0 * (t - 0.3).max(0.0));
     let rates = mass_rate(&sampled.t_s, &sampled.mass_kg);
     let sum = rates.windows(2).map(|pair| (pair[0] + pair[1]) / 2.0 * 0.02).sum::<f64>();

@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn canonical_json_is_that_of_the_reference() {
+    fn canonical_json_matches_the_reference_implementation() {
         let examples = [
             json!({"b": [1, 2.0, -0.0, 1e21, 1e-7, 0.1, 333333333.3333333, 9007199254740991_u64, u64::MAX, i64::MIN], "a": null}),
             json!({"quote\"": "back\\slash \n\t\u{8}\u{1f}/\u{7f} é 中 \u{1f600}", "é": {}, "z": [], "A": true}),

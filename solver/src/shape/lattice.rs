@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_spheres_are_fewer_than_centres() {
+    fn fill_of_whole_spheres_has_fewer_points_than_fill_of_centres() {
         let centres = MetaParticle::fill(&SIZE_1, 0.004, Fill::Centres, 1);
         let whole = MetaParticle::fill(&SIZE_1, 0.004, Fill::WholeSpheres, 1);
         assert!(whole.points.len() < centres.points.len() * 2 / 3);
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn stray_cells_are_dropped() {
+    fn cells_outside_the_largest_component_are_dropped() {
         let cells = vec![IVec3::ZERO, IVec3::X, IVec3::new(5, 0, 0), IVec3::new(2, 0, 0)];
         assert_eq!(largest_component(cells), [IVec3::ZERO, IVec3::X, IVec3::new(2, 0, 0)]);
     }

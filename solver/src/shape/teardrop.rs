@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_papers_load_weighs_what_the_paper_says() {
+    fn load_of_the_paper_has_the_published_mass() {
         let sizes = [[0.144, 0.072, 0.040], [0.172, 0.072, 0.032], [0.176, 0.072, 0.040]];
         let mass: f64 = (0..191)
             .map(|i| Teardrop { size_m: sizes[i % 6 / 2], mirrored: i % 2 == 1 }.volume_m3() * 940.0)
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn volume_agrees_with_counting_points() {
+    fn teardrop_volume_agrees_with_counting_points() {
         let shape = Teardrop { size_m: [0.144, 0.072, 0.040], mirrored: false };
         let (nx, ny, nz) = (144, 72, 40);
         let mut inside = 0;
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mirror_image_is_mirrored_and_no_fillet_is_its_own() {
+    fn mirrored_teardrop_is_the_mirror_image_and_differs_from_the_original() {
         let shape = Teardrop { size_m: [0.144, 0.072, 0.040], mirrored: false };
         let mirror = Teardrop { mirrored: true, ..shape };
         let mut differ = 0;

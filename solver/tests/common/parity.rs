@@ -109,9 +109,9 @@ impl<'a> Both<'a> {
         assert_eq!(broken, self.gpu.state(&mut self.gpu_run).bonds_broken);
     }
 
-    /// Advances both, `steps` in all, `at_once` at a time, and asserts that they stay the same and stay well.
+    /// Advances both by `steps` in all, `at_once` at a time. Asserts that their states are equal and neither run fails.
     #[track_caller]
-    pub fn stay_the_same(&mut self, steps: u64, at_once: u64) {
+    pub fn assert_equal_for(&mut self, steps: u64, at_once: u64) {
         for k in 0..steps.div_ceil(at_once) {
             let [plain, gpu] = self.advance(at_once);
             let found = difference(self.plain.state(&mut self.plain_run), self.gpu.state(&mut self.gpu_run));

@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn the_difference_of_two_curves_is_what_it_is() {
+    fn difference_of_two_curves_is_a_percentage_of_the_scale() {
         let seen = difference_percent(&parabola(1.0, 100), &parabola(1.02, 100), 1.0);
         assert!((seen - 2.0).abs() < 1e-9, "{seen}");
         let one_spike: Curve =
@@ -108,25 +108,25 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "2.000 % of the scale away")]
-    fn a_curve_two_per_cent_off_is_refused_at_one() {
+    fn curve_with_2_percent_difference_fails_a_1_percent_tolerance() {
         assert_agrees("parabola", &parabola(1.0, 100), &parabola(0.98, 100), 1.0, 1.0);
     }
 
     #[test]
     #[should_panic(expected = "51 of 101 points")]
-    fn half_a_curve_is_refused() {
+    fn curve_of_half_the_range_fails() {
         assert_agrees("parabola", &parabola(1.0, 100), &parabola(1.0, 50), 1.0, 1.0);
     }
 
     #[test]
     #[should_panic(expected = "NaN at")]
-    fn what_is_not_a_number_is_refused() {
+    fn curve_with_nan_fails() {
         assert_agrees("parabola", &parabola(1.0, 100), &parabola(f64::NAN, 100), 1.0, 1.0);
     }
 
     #[test]
     #[should_panic(expected = "% away from LAMMPS")]
-    fn a_number_two_per_cent_off_is_refused_at_one() {
+    fn number_with_2_percent_difference_fails_a_1_percent_tolerance() {
         assert_number_agrees("speed", 0.25, 0.255, 1.0);
     }
 
@@ -138,7 +138,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "is not a number")]
-    fn what_is_no_number_is_refused() {
+    fn text_in_a_number_column_is_refused() {
         Table::parse("overlap_m,normal_n\n1e-5,none");
     }
 }

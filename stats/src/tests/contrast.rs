@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn contrasts_of_drawn_parameters_keep_what_is_not_known() {
+fn contrasts_of_drawn_parameters_include_parameter_uncertainty() {
     // The difference is 1 with the first sample, 5 with the second and 9 with the third, with ±1 of chance.
     let mut table = PointTable::default();
     let seeds: Vec<u64> = (0..6).collect();
@@ -97,7 +97,7 @@ fn other_seeds_or_a_single_one_leave_points_unpaired() {
 }
 
 #[test]
-fn perfect_correlation_leaves_a_point_and_constants_no_ratio() {
+fn perfect_correlation_gives_zero_width_and_constants_no_width_ratio() {
     let a = [0.1, 0.7, 0.4];
     let shifted = |by: f64| a.map(|value| value + by);
     let found = table(&[&a, &shifted(0.3), &shifted(1.1)]).contrast(&[-1.0, 0.0, 1.0], Values::Numbers);
@@ -109,7 +109,7 @@ fn perfect_correlation_leaves_a_point_and_constants_no_ratio() {
 }
 
 #[test]
-fn events_have_two_more_replicates() {
+fn contrasts_of_events_add_two_trials() {
     // Of 10 seeds, 4 have the event at the first point alone and 1 at the second alone: Agresti and Min add ½ to each of the four cells.
     let first = [1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0];
     let second = [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0];
@@ -133,7 +133,7 @@ fn events_have_two_more_replicates() {
 }
 
 #[test]
-fn many_points_share_the_further_trials() {
+fn additional_trials_are_shared_among_many_points() {
     // Nine points with 4 trials each, of which the first four always have the event: the line falls by 4/3 over the range.
     let weights: Vec<f64> = (0..9).map(|point| f64::from(point - 4) * 8.0 / 60.0).collect();
     let table = |first_seed: &dyn Fn(u64) -> u64| {

@@ -46,7 +46,7 @@ fn filled(checked: &Checked) -> Checkpoint {
 }
 
 #[test]
-fn a_fill_is_found_by_what_acted_before_the_start() {
+fn fill_is_found_by_the_fields_that_act_before_belt_start() {
     let folder = tempfile::tempdir().unwrap();
     let cache = FillCache::open(folder.path(), u64::MAX).unwrap();
     let (low, high, other_seed) = (hopper(1, 0.04), hopper(1, 0.08), hopper(2, 0.04));
@@ -58,7 +58,7 @@ fn a_fill_is_found_by_what_acted_before_the_start() {
 }
 
 #[test]
-fn a_damaged_fill_is_deleted_and_the_longest_unused_go_first() {
+fn damaged_fill_is_deleted_and_least_recently_used_fills_are_evicted() {
     let folder = tempfile::tempdir().unwrap();
     let all = [hopper(1, 0.04), hopper(2, 0.04), hopper(3, 0.04)];
     let stamps = all.each_ref().map(|checked| computer().stamp(checked));

@@ -55,7 +55,7 @@ async fn last_run(upload: Duration, by_signal: bool) -> (Vec<&'static str>, usiz
 }
 
 #[tokio::test]
-async fn a_draining_worker_uploads_frames_and_sends_heartbeats_until_the_result_is_recorded() {
+async fn draining_worker_sends_frames_and_heartbeats_until_its_result_is_recorded() {
     let (answered, left) = last_run(LAST_DELIVERIES + Duration::from_secs(1), false).await;
     assert_eq!(left, 0, "{answered:?}");
     assert_eq!(answered.iter().filter(|what| **what == "frames").count(), 1, "one complete upload");

@@ -107,7 +107,7 @@ async fn a_timeout_keeps_the_partial_result() {
 }
 
 #[tokio::test]
-async fn each_reason_to_stop_has_its_own_end() {
+async fn each_stop_reason_has_its_own_outcome() {
     for (why, expected) in [
         (Stop::Cancel, Some((AttemptOutcome::Cancelled, true))),
         (Stop::Release, Some((AttemptOutcome::Released, false))),

@@ -121,7 +121,7 @@ mod tests {
 
     /// The mean of normal densities with these precisions is the density of Student's t.
     #[test]
-    fn precisions_stand_for_students_t() {
+    fn normal_mixture_of_precisions_approximates_students_t() {
         for n in [3_u64, 5, 10, 40] {
             let exact = StudentsT::new(0.0, 1.0, n as f64 - 1.0).unwrap();
             let precisions = precisions(n);

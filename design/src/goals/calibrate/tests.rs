@@ -104,7 +104,7 @@ fn few_replicates_have_the_tails_of_students_t() {
 }
 
 #[test]
-fn priors_count() {
+fn normal_prior_is_combined_with_the_measurement() {
     let normal = json!({"parameter": "a", "normal": {"mean": 0.3, "deviation": 0.05}});
     let goal = json!({"targets": [target("only", "y", 0.5, 0.5, 100)], "priors": [normal]});
     let question = question(&["a"], &["only"], goal, 40);
@@ -119,7 +119,7 @@ fn priors_count() {
 }
 
 #[test]
-fn pair_that_no_test_tells_apart_is_reported_with_what_would() {
+fn unidentifiable_parameter_pair_is_reported_with_a_helpful_measurement() {
     let simulation: Simulation<'_> = &|x, test| {
         Some(match test {
             "one" => vec![("sum", x[0] + x[1]), ("difference", x[0] - x[1])],
@@ -215,7 +215,7 @@ fn number_of_workers_changes_no_answer_beyond_the_emulators() {
 }
 
 #[test]
-fn test_that_never_works_takes_no_runs_of_the_others_and_ends_the_study() {
+fn test_without_results_takes_no_runs_from_others_and_ends_the_study() {
     let goal = json!({"targets": [target("one", "y", 0.5, 0.1, 25), target("two", "z", 0.5, 0.1, 25)]});
     let question = question(&["a"], &["one", "two"], goal, 200);
     let simulation: Simulation<'_> = &|x, test| (test == "one").then(|| vec![("y", x[0])]);
@@ -238,7 +238,7 @@ fn equal_answers_of_yes_or_no_do_not_settle_a_share() {
 }
 
 #[test]
-fn measured_zero_and_single_replicates_do_no_harm() {
+fn calibration_works_with_a_measured_zero_and_single_replicates() {
     let goal = json!({"targets": [target("only", "y", 0.0, 0.0, 3)]});
     let document = json!({"factors": [{"name": "a", "low": -1.0, "high": 1.0}], "goal": {"calibrate": goal},
                           "budget": {"max_runs": 60, "max_replicates": 1}});

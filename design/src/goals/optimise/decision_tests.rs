@@ -57,7 +57,7 @@ fn a_front_is_not_finished_while_its_confirmations_run() {
 }
 
 #[test]
-fn a_front_of_few_points_goes_on_with_replicates() {
+fn front_search_over_few_points_continues_with_replicates() {
     let count = json!({"name": "/count", "low": 1, "high": 5, "is_whole": true});
     let goal = json!({"objectives": [{"minimise": {"mean": "one"}}, {"minimise": {"mean": "other"}}]});
     let document = json!({"factors": [count], "goal": {"optimise": goal}, "budget": {"max_runs": 400}});
@@ -162,7 +162,7 @@ fn an_infeasible_study_recommends_nothing() {
 }
 
 #[test]
-fn a_search_goes_on_until_it_finds_a_feasible_corner() {
+fn search_continues_until_it_finds_a_feasible_point() {
     // None of the first 20 points is in the corner where the constraint holds.
     let goal = json!({
         "objectives": [{"minimise": {"mean": "y"}}],

@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_that_overflowed_end() {
+    fn nan_covariances_give_nan_means() {
         let surface = Surface {
             means: DVector::zeros(3),
             covariances: DMatrix::from_element(3, 3, f64::NAN),

@@ -52,7 +52,7 @@ fn expected_gains_of_area_match_numerical_integration() {
 }
 
 #[test]
-fn knowing_a_point_gains_the_area_that_means_hide() {
+fn gain_of_knowing_a_point_matches_numerical_integration() {
     let (points, reference) = ([[0.2, 0.8], [0.6, 0.3]], [1.0, 1.0]);
     // On the front, beaten by it, equal to one of its points.
     for means in [[0.4, 0.4], [0.7, 0.7], [0.6, 0.3]] {
@@ -78,7 +78,7 @@ fn knowing_a_point_gains_the_area_that_means_hide() {
 }
 
 #[test]
-fn a_front_has_the_points_that_none_beats() {
+fn front_has_the_non_dominated_points() {
     let points = [[0.5, 0.5], [0.2, 0.9], [0.6, 0.6], [0.2, 0.8], [0.9, 0.1], [0.5, 0.5]];
     assert_eq!(front::front(&points), [3, 0, 4]);
     // Boxes below (1, 1): 0.3 by 0.2, 0.4 by 0.5, 0.1 by 0.9.
@@ -88,7 +88,7 @@ fn a_front_has_the_points_that_none_beats() {
 }
 
 #[test]
-fn sums_of_logarithms() {
+fn ln_sum_adds_numbers_by_their_logarithms() {
     let mut sum = LnSum::EMPTY;
     assert_eq!(sum.ln(), f64::NEG_INFINITY);
     for ln in [-1000.0, -1001.0, f64::NEG_INFINITY, -999.0] {
@@ -159,7 +159,7 @@ fn verdict(goal: &Optimise, jams: f64, load: f64, random: &mut Random) -> (Confi
 }
 
 #[test]
-fn a_confirmation_seldom_certifies_what_does_not_hold() {
+fn confirmation_seldom_certifies_points_at_a_limit() {
     let mut random = Random(1);
     for (constraints, jams, load) in [
         (vec![jam()], 0.05, 0.0),
@@ -177,7 +177,7 @@ fn a_confirmation_seldom_certifies_what_does_not_hold() {
 }
 
 #[test]
-fn a_confirmation_certifies_what_holds_clearly() {
+fn confirmation_certifies_points_far_from_a_limit() {
     let mut random = Random(2);
     let goal = goal(vec![jam(), load()]);
     let plan = goal.plan(1).unwrap();
@@ -214,7 +214,7 @@ fn wrong(goal: &Optimise, most: u32, jams: f64, load: impl Fn(&mut Random) -> f6
 }
 
 #[test]
-fn many_attempts_are_seldom_wrong_together() {
+fn familywise_error_of_20_confirmation_attempts_is_at_most_5_percent() {
     let share = wrong(&goal(vec![jam()]), 20, 0.05, |_| 0.0);
     println!("20 attempts: {share} certified");
     assert!(share <= 0.05, "{share}");
@@ -269,7 +269,7 @@ fn an_objective_without_values_is_not_confirmed() {
 }
 
 #[test]
-fn lost_runs_speak_against_a_probability() {
+fn lost_runs_count_against_a_probability_constraint() {
     let goal = goal(vec![jam()]);
     let plan = goal.plan(1).unwrap();
     let lost = |share: u32, lost: Outcome| {
@@ -293,7 +293,7 @@ fn lost_runs_speak_against_a_probability() {
 }
 
 #[test]
-fn all_runs_of_a_confirmation_are_looked_at() {
+fn last_look_of_a_confirmation_includes_all_of_its_runs() {
     let limited = |runs| Optimise { confirmation_runs: Some(runs), ..goal(vec![jam()]) };
     // One jam in 100 runs cannot pass at 86, but may with the rest of α at the end.
     let looks = |runs| limited(runs).plan(1).unwrap().tails().collect::<Vec<_>>();
@@ -333,7 +333,7 @@ fn attempts_are_counted_by_recommended_point() {
 }
 
 #[test]
-fn chances_from_tables_are_near_and_quick() {
+fn tabulated_chances_are_accurate_and_faster_than_exact_ones() {
     let half = Constraint { of: jam().of, at_most: Some(0.3), at_least: None };
     for (constraint, runs) in [(jam(), None), (half, Some(1000))] {
         let goal = Optimise { confirmation_runs: runs, ..goal(vec![constraint.clone()]) };

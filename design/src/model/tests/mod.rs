@@ -158,7 +158,7 @@ fn newton_from_a_bad_start_finds_the_same_mode() {
 }
 
 #[test]
-fn a_fantasy_changes_variances_as_a_run_with_the_mean_as_its_result_does() {
+fn fantasy_updates_variances_like_a_run_whose_result_is_the_mean() {
     let case = &cases().gaussian[1];
     let fit = |points: &DMatrix<f64>, values: &[Replicated], noise: &[f64]| {
         gaussian::fit(points, values, &case.kernel(), noise).unwrap().posterior
@@ -226,7 +226,7 @@ fn noise_is_smoothed_over_the_range() {
 }
 
 #[test]
-fn a_model_finds_a_line_and_converts_its_values() {
+fn model_fits_a_line_and_converts_latent_values() {
     let model = Model::fit(&[range()], &Measure::Mean("y".into()), &uneven(4)).unwrap();
     let at = columns(1, &[[0.3]]);
     let prediction = model.posterior.predict(&at);

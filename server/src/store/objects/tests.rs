@@ -75,7 +75,7 @@ async fn check_life(objects: Objects, reopen: impl AsyncFnOnce() -> Objects) {
 }
 
 #[tokio::test]
-async fn an_object_in_a_folder() {
+async fn object_life_cycle_in_a_folder() {
     let folder = tempfile::tempdir().unwrap();
     let open = async || Objects::open(folder.path(), None).await.unwrap();
     check_life(open().await, open).await;
@@ -84,7 +84,7 @@ async fn an_object_in_a_folder() {
 #[cfg(feature = "s3")]
 #[tokio::test]
 #[ignore = "needs a bucket, which ROOST_TEST_BUCKET names: tests/s3/run.sh"]
-async fn an_object_in_a_bucket() {
+async fn object_life_cycle_in_a_bucket() {
     let bucket = std::env::var("ROOST_TEST_BUCKET").expect("ROOST_TEST_BUCKET=s3://BUCKET/PREFIX");
     let bucket: Bucket = bucket.parse().unwrap();
     let open = async || Objects::open(Path::new("nowhere"), Some(&bucket)).await.unwrap();

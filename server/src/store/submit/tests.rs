@@ -107,7 +107,7 @@ async fn a_sweep_of_many_batches_is_stored_whole_or_not_at_all() {
 }
 
 #[tokio::test]
-async fn nothing_of_a_sweep_is_seen_or_claimed_before_its_end() {
+async fn sweep_is_neither_listed_nor_claimed_before_its_submission_ends() {
     let dir = tempfile::tempdir().unwrap();
     let store = open(&dir).await;
     let (id, worker) = (SweepId::new(), register(&store).await);
@@ -256,7 +256,7 @@ async fn jobs_of_a_hidden_sweep_do_not_change() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn other_writes_wait_for_one_slice_at_most() {
+async fn other_writes_wait_for_at_most_one_submission_slice() {
     let dir = tempfile::tempdir().unwrap();
     let store = Arc::new(open(&dir).await);
     let id = SweepId::new();

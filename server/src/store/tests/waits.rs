@@ -9,7 +9,7 @@ use super::query_plans::plan;
 use super::store;
 
 #[tokio::test]
-async fn needs_of_a_group_are_met_as_claims_say() {
+async fn group_needs_are_met_by_the_rules_of_claims() {
     let (store, _dir) = store().await;
     let backends = ["cpu", "gpu"];
     for backend in backends {
@@ -93,7 +93,7 @@ async fn queue_jobs(store: &Store) {
 }
 
 #[tokio::test]
-async fn a_count_of_jobs_before_a_place_is_bounded() {
+async fn count_of_jobs_ahead_in_the_queue_is_bounded() {
     let (store, _dir) = store().await;
     queue_jobs(&store).await;
     let (mut groups, _) = store.queue_groups().await.unwrap();

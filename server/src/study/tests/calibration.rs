@@ -57,7 +57,7 @@ fn runs_simulate_each_test_with_the_parameters() {
 }
 
 #[test]
-fn every_fault_is_named_at_its_place() {
+fn every_fault_of_a_calibration_has_its_pointer() {
     let spoilt = |pointer: &str, value: Value| {
         let mut document = document();
         let (parent, name) = pointer.rsplit_once('/').unwrap();

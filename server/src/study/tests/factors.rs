@@ -141,7 +141,7 @@ fn a_part_of_a_list_has_a_range() {
 }
 
 #[test]
-fn copied_runs_at_levels_that_a_factor_lacks_are_named_apart() {
+fn copied_runs_at_missing_levels_are_counted_separately() {
     let mut document = document(optimise());
     document["factors"][0] = json!({"pointer": GATE, "levels": [0.05, 0.06]});
     let limits = SweepLimits { max_jobs: 1000, scenario: Limits::NONE };
@@ -208,7 +208,7 @@ fn a_crossing_of_whole_numbers_lies_between_two_of_them() {
 }
 
 #[test]
-fn equal_values_are_named() {
+fn answers_report_equal_values() {
     for (goal, expected) in [
         (
             json!({"estimate": {"points": [[0.05, 0.5]], "intervals": [{"of": {"mean": "mean_rate_kg_s"}, "width": 0.1}]}}),

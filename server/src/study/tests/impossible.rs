@@ -67,7 +67,7 @@ fn height_and_gate(values: &Value) -> (f64, f64) {
 }
 
 #[test]
-fn a_study_goes_on_without_impossible_points_and_names_them() {
+fn study_excludes_impossible_points_and_reports_them() {
     let goal = json!({"optimise": {"objectives": [{"maximise": {"mean": "mean_rate_kg_s"}}]}});
     let (rows, answer, sentences) = play(goal);
     assert!(rows.len() > 20);
@@ -111,7 +111,7 @@ fn a_study_without_any_possible_point_says_why() {
 }
 
 #[test]
-fn an_estimate_knows_its_impossible_points_at_once() {
+fn estimate_excludes_impossible_points_at_once() {
     let gates = [0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.06];
     let heights = [0.6, 0.55, 0.5, 0.45, 0.4, 0.35, 0.3, 0.25, 0.2];
     let points: Vec<[f64; 2]> =

@@ -275,7 +275,7 @@ fn lists_and_tables_hold_the_points() {
 }
 
 #[test]
-fn drawn_points_keep_their_bits() {
+fn drawn_points_match_their_pinned_digests() {
     let factors = json!([{"pointer": GATE, "low": 0.05, "high": 0.07}, {"pointer": COUNT, "low": 3, "high": 6},
                          {"pointer": BELT, "low": 0.01, "high": 1.0, "scale": "log"},
                          {"pointer": "/contact/condition", "levels": ["dry", "wet"]}]);

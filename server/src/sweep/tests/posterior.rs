@@ -28,7 +28,7 @@ fn replicates_share_samples_at_all_points() {
 }
 
 #[test]
-fn samples_that_cannot_be_used_are_named() {
+fn unusable_posterior_samples_are_faults_with_their_pointer() {
     let cases = [
         (json!({}), "/posterior"),
         (json!({"parameters": [FRICTION], "samples": []}), "/posterior/samples"),
@@ -54,7 +54,7 @@ fn samples_that_cannot_be_used_are_named() {
 }
 
 #[test]
-fn intervals_include_what_is_not_known_of_parameters() {
+fn intervals_include_parameter_uncertainty() {
     // Two runs of each of three samples: variance 2 within, and 8 between expected values.
     let values = [1.0, 3.0, 4.0, 6.0, 7.0, 9.0];
     let trials: Vec<_> =

@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn neighbours_come_soon_after_each_other() {
+    fn morton_order_puts_neighbouring_bodies_next_to_each_other() {
         let at = |x, y, z| FixedAabb { low: IVec3::new(x, y, z), high: IVec3::new(x + 2, y + 2, z + 2) };
         let far = 1 << 20;
         let bodies = [at(0, 0, 0), at(far, far, far), at(1, 0, 0), at(far, far, far - 1), at(0, 0, far)];

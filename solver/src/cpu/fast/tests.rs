@@ -63,7 +63,7 @@ fn after(scene: &Scene, steps: u64, skins: f32) -> (State, usize) {
 }
 
 #[test]
-fn lists_that_are_made_more_often_change_no_bit() {
+fn more_frequent_neighbour_list_rebuilds_change_no_bit() {
     for (scene, steps) in [(fillets(), 600), (spheres(), 300)] {
         let ((seldom, few), (often, many)) = (after(&scene, steps, 1.0), after(&scene, steps, 0.1));
         assert!(few > 0 && 2 * many > 3 * few, "{few} and {many} searches");

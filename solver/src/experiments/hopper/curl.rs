@@ -84,7 +84,7 @@ mod tests {
     use crate::shape::teardrop::Teardrop;
 
     #[test]
-    fn a_flat_fillet_across_the_seam_of_a_narrow_period_is_flat() {
+    fn flat_fillet_across_a_periodic_boundary_has_no_bend_angle() {
         let size_m = [0.176, 0.072, 0.032];
         let shape = MetaParticle::fill(&Teardrop { size_m, mirrored: false }, 0.004, Fill::Centres, 1);
         let gauge = BendGauge::new(&shape.points);

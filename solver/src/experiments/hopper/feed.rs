@@ -219,7 +219,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_long_fillet_meets_every_image_across_the_seam() {
+    fn images_of_a_point_include_every_period_within_reach_of_a_long_fillet() {
         // From −20 to 80 mm in a period of 110 mm: −35 mm is the nearest image of a point that its tail meets at 75 mm.
         let image_mm = |x: f64| -> Vec<f64> {
             let mut found: Vec<f64> = images(DVec3::Y * x / 1000.0, 0.11).map(|at| at.y * 1000.0).collect();

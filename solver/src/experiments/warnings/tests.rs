@@ -78,7 +78,7 @@ fn a_sub_particle_density_gives_the_density_of_the_fillet() {
 }
 
 #[test]
-fn a_fill_of_whole_spheres_is_named_with_its_figures() {
+fn fill_of_whole_spheres_has_a_warning_with_its_volume_share() {
     let checked = checked(&hopper(json!({"count": 6, "fill": "whole_spheres"}), json!({})));
     assert_eq!(codes(checked.warnings()), ["whole_spheres", "thin_fillet"]);
     let message = &checked.warnings()[0].message;
@@ -95,14 +95,14 @@ fn a_fill_of_whole_spheres_is_named_with_its_figures() {
 }
 
 #[test]
-fn spheres_are_not_filled() {
+fn fill_of_single_spheres_is_refused() {
     let document = hopper(json!({"spheres": true, "fill": "whole_spheres"}), json!({}));
     let faults = from_value(&document).expect_err("refused");
     assert_eq!(faults.iter().map(|fault| fault.pointer.as_str()).collect::<Vec<_>>(), ["/product/fill"]);
 }
 
 #[test]
-fn tissue_too_soft_for_the_weight_of_the_bed_is_named() {
+fn tissue_too_soft_for_the_weight_of_the_bed_has_a_warning() {
     // 38.21 kg on 0.59 × 0.30 m are 2.12 kPa. δ = R/2 takes E* = 3p / 0.5^1.5 = 17.97 kPa, E = 15.5 kPa.
     let of = |e: f64| checked(&hopper(json!({}), json!({"youngs_modulus_pa": e}))).warnings().to_vec();
     assert_eq!(codes(&of(16_000.0)), [""; 0]);
@@ -116,7 +116,7 @@ fn tissue_too_soft_for_the_weight_of_the_bed_is_named() {
 }
 
 #[test]
-fn belt_too_slow_for_the_time_of_a_jam_is_named() {
+fn belt_too_slow_for_jam_detection_has_a_warning() {
     let of = |speed: f64, numerics: Value| {
         let document = json!({
             "experiment": "hopper",
@@ -143,7 +143,7 @@ fn belt_too_slow_for_the_time_of_a_jam_is_named() {
 }
 
 #[test]
-fn fillets_that_a_feed_brings_later_weigh_nothing_before() {
+fn warnings_count_fed_fillets_only_after_they_enter() {
     let of = |feed_kg_s: f64| {
         let document = json!({
             "experiment": "hopper",
@@ -167,7 +167,7 @@ fn fillets_that_a_feed_brings_later_weigh_nothing_before() {
 }
 
 #[test]
-fn a_test_that_has_not_begun_is_named_by_every_monitor() {
+fn every_monitor_warns_of_a_test_that_never_began() {
     use crate::result::EndReason::{Duration, FillNotAtRest};
     for experiment in crate::scenario::fields::EXPERIMENTS {
         let mut document = json!({"experiment": experiment});

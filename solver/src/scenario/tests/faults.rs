@@ -21,7 +21,7 @@ fn plus(more: Value) -> Value {
 }
 
 #[test]
-fn all_at_once() {
+fn all_faults_of_a_scenario_are_reported_at_once() {
     let document = json!({
         "schema": "roost.scenario/9", "experiment": "hoper", "gate": 1,
         "product": {"count": 0, "subparticle_raduis_m": 0.004, "sizes_m": [[0.1, 0.1], [0.1, "x", 9]],
@@ -63,7 +63,7 @@ fn all_at_once() {
 }
 
 #[test]
-fn what_is_no_object_is_one_fault() {
+fn document_that_is_not_an_object_is_one_fault() {
     for document in [json!([]), json!("hopper"), json!(1), json!(null), json!(true)] {
         let found = faults(&document);
         assert_eq!(pointers(&found), [""]);
@@ -80,7 +80,7 @@ fn the_experiment_must_be_named() {
 }
 
 #[test]
-fn a_fault_says_value_range_and_unit() {
+fn fault_message_has_value_range_and_unit() {
     assert_eq!(
         one("/equipment/gate_opening_m", json!(-0.06)),
         "/equipment/gate_opening_m: is out of range (found -0.06); allowed: ≥ 0.001 and ≤ 5 m"
@@ -93,7 +93,7 @@ fn a_fault_says_value_range_and_unit() {
 }
 
 #[test]
-fn bounds_are_in_or_out_as_the_table_says() {
+fn inclusive_and_exclusive_bounds_follow_the_field_table() {
     for (pointer, fine, wrong) in [
         ("/bonds/contact_radius_ratio", json!(1.732), json!(1.0)),
         ("/bonds/contact_radius_ratio", json!(1.001), json!(1.7320508)),
@@ -112,7 +112,7 @@ fn bounds_are_in_or_out_as_the_table_says() {
 }
 
 #[test]
-fn null_is_allowed_only_where_it_means_something() {
+fn null_is_accepted_only_for_nullable_fields() {
     for pointer in ["/bonds/normal_strength_pa", "/numerics/stop/when_jammed_s"] {
         from_value(&with(pointer, json!(null))).unwrap();
     }
@@ -124,7 +124,7 @@ fn null_is_allowed_only_where_it_means_something() {
 }
 
 #[test]
-fn an_unknown_field_is_told_what_it_may_have_meant() {
+fn unknown_field_is_refused_with_a_suggestion() {
     for (document, pointer, meant) in [
         (
             json!({"equipment": {"gate_openign_m": 1}}),
@@ -155,19 +155,19 @@ fn an_unknown_field_is_told_what_it_may_have_meant() {
 }
 
 #[test]
-fn the_nearest_name_prefers_its_own_section() {
+fn suggestion_prefers_a_field_of_the_same_section() {
     assert_eq!(nearest("/contact/fillet_belt/static_fricton"), Some("/contact/fillet_belt/static_friction"));
     assert_eq!(nearest("/static_friction"), Some("/contact/fillet_fillet/static_friction"));
     assert_eq!(nearest("/xyzzy"), None);
 }
 
 #[test]
-fn pointers_escape_their_names() {
+fn pointers_escape_slash_and_tilde() {
     assert_eq!(pointers(&faults(&plus(json!({"a/b~c": 1})))), ["/a~1b~0c"]);
 }
 
 #[test]
-fn an_answer_stays_of_the_order_of_the_document() {
+fn size_of_the_fault_list_is_bounded() {
     let mut document = full();
     for index in 0..10_000 {
         document[format!("unknown{index}")] = json!(index);
@@ -180,7 +180,7 @@ fn an_answer_stays_of_the_order_of_the_document() {
 }
 
 #[test]
-fn fields_that_do_not_go_together() {
+fn contradictory_fields_are_refused() {
     let text = one("/equipment/gate_opening_m", json!(0.51));
     assert!(
         text.contains("above the hopper") && text.contains("≤ 0.5 m (/equipment/hopper_height_m)"),
@@ -198,7 +198,7 @@ fn fields_that_do_not_go_together() {
 }
 
 #[test]
-fn a_pair_at_fault_is_told_where_its_author_wrote() {
+fn fault_of_two_fields_points_at_the_one_in_the_document() {
     let low_hopper = plus(json!({"equipment": {"hopper_height_m": 0.05}}));
     let found = faults(&low_hopper);
     assert_eq!(pointers(&found), ["/equipment/hopper_height_m"]);
@@ -206,7 +206,7 @@ fn a_pair_at_fault_is_told_where_its_author_wrote() {
 }
 
 #[test]
-fn a_fault_of_one_field_brings_no_others_with_it() {
+fn fault_of_one_field_causes_no_further_faults() {
     let inherited = plus(json!({"contact": {"fillet_fillet": {"restitution": 2}}}));
     assert_eq!(pointers(&faults(&inherited)), ["/contact/fillet_fillet/restitution"]);
     let related = plus(json!({"equipment": {"hopper_height_m": -1}}));
@@ -214,7 +214,7 @@ fn a_fault_of_one_field_brings_no_others_with_it() {
 }
 
 #[test]
-fn what_belongs_to_another_experiment_is_told_so() {
+fn fields_of_other_experiments_are_refused() {
     let found =
         faults(&json!({"experiment": "drop", "equipment": {"gate_opening_m": 0.05, "surfaces": [{}]}}));
     assert_eq!(pointers(&found), ["/equipment"]);
@@ -227,7 +227,7 @@ fn what_belongs_to_another_experiment_is_told_so() {
 }
 
 #[test]
-fn faults_in_lists_are_told_by_index() {
+fn faults_in_lists_have_their_index() {
     let document = json!({"experiment": "scene", "scene": {
     "gravity_direction": [0, 0, 0],
     "bodies": [{"position_m": [0, 0, 1]}, {"positon_m": [0, 0, 1]}, 7, {"position_m": [0, 1], "shape": 6}],

@@ -57,7 +57,7 @@ fn sound(field: &Field, value: &Value) -> bool {
 }
 
 #[test]
-fn every_wrong_value_in_every_field_is_told_at_its_place() {
+fn every_wrong_value_of_every_field_is_a_fault_at_its_pointer() {
     let mut refused = 0;
     for field in FIELDS {
         let documents = documents_with(field.pointer);
@@ -86,7 +86,7 @@ fn every_wrong_value_in_every_field_is_told_at_its_place() {
 }
 
 #[test]
-fn every_wrong_value_in_every_section_is_told_at_its_place() {
+fn every_wrong_value_of_every_section_is_a_fault_at_its_pointer() {
     for section in SECTIONS {
         let pointer = section.pointer;
         for ((sound_document, _), wrong) in pairs(&documents_with(pointer), &wrong_values()) {
@@ -112,7 +112,7 @@ fn every_wrong_value_in_every_section_is_told_at_its_place() {
 }
 
 #[test]
-fn what_is_left_out_takes_its_default() {
+fn omitted_fields_take_their_defaults() {
     for field in FIELDS.iter().filter(|field| field.default != Preset::Required) {
         for (full, pointer) in documents_with(field.pointer) {
             // The one that stands in for another is no default.

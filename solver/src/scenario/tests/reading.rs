@@ -49,7 +49,7 @@ fn schema_1_keeps_the_meaning_of_its_bonds() {
 }
 
 #[test]
-fn defaults_are_those_of_the_tables() {
+fn minimal_scenario_has_the_documented_defaults() {
     let scenario = minimal();
     assert_eq!(scenario.product.sizes_m[1], [0.172, 0.072, 0.032]);
     assert_eq!(scenario.product.density_kg_m3, Some(940.0));
@@ -63,12 +63,12 @@ fn defaults_are_those_of_the_tables() {
 }
 
 #[test]
-fn what_a_scenario_serialises_to_reads_back_as_itself() {
+fn serialised_scenario_reads_back_unchanged() {
     assert_eq!(from_value(&full()).unwrap(), minimal());
 }
 
 #[test]
-fn the_digest_knows_neither_order_nor_defaults() {
+fn digest_ignores_field_order_and_explicit_defaults() {
     let digest = minimal().digest();
     let turned = r#"{"seed": 1, "product": {"fill": "centres", "count": 191}, "experiment": "hopper"}"#;
     assert_eq!(parse(turned).unwrap().digest(), digest);
@@ -78,8 +78,8 @@ fn the_digest_knows_neither_order_nor_defaults() {
     assert_ne!(from_value(&with("/seed", json!(2))).unwrap().digest(), digest);
 }
 
-/// Guards every default and the canonical form: a change here makes earlier results unlike later ones, and
-/// must come with a new [`crate::SOLVER_REVISION`] or schema.
+/// Guards every default and the canonical form. A new digest separates later results from earlier ones, and needs a
+/// new [`crate::SOLVER_REVISION`] or schema.
 #[test]
 fn the_digest_of_the_minimal_scenario_is_pinned() {
     assert_eq!(minimal().digest(), "545a9d4ca29b4f603b491ccfdaf7f8c622bcd157df565d7c830f28f78aa3364c");
@@ -104,7 +104,7 @@ fn wet_only_sets_other_defaults() {
 }
 
 #[test]
-fn belt_and_equipment_follow_the_fillets_but_not_each_other() {
+fn belt_and_equipment_contacts_default_to_the_fillet_contact() {
     let scenario = from_value(&json!({"experiment": "hopper", "contact": {
         "fillet_fillet": {"static_friction": 0.7, "restitution": 0.3, "surface_energy_j_m2": 0.2},
         "fillet_equipment": {"static_friction": 0.9, "restitution": 0.4}}}))
@@ -136,7 +136,7 @@ fn a_timestep_may_be_automatic() {
 }
 
 #[test]
-fn what_is_not_json_is_one_syntax_error_with_its_place() {
+fn invalid_json_is_one_syntax_error_with_line_and_column() {
     for (text, place, part) in [
         ("{\"seed\": NaN}", (1, 10), "expected value"),
         ("{\n \"seed\": 1e999}", (2, 14), "number out of range"),
@@ -155,7 +155,7 @@ fn what_is_not_json_is_one_syntax_error_with_its_place() {
 }
 
 #[test]
-fn nesting_without_end_is_a_syntax_error() {
+fn excessive_nesting_is_a_syntax_error() {
     let text = format!("{}{}", "[".repeat(100_000), "]".repeat(100_000));
     assert!(matches!(parse(&text), Err(ScenarioError::Syntax { .. })));
 }

@@ -105,7 +105,7 @@ fn every_default_lies_in_its_own_range() {
 }
 
 #[test]
-fn a_default_reads_only_what_stands_before_it() {
+fn defaults_depend_only_on_earlier_fields() {
     let place = |pointer: &str| FIELDS.iter().position(|field| field.pointer == pointer).unwrap();
     for (index, field) in FIELDS.iter().enumerate() {
         if let Preset::SameAs(other) = field.default {
@@ -121,7 +121,7 @@ fn a_default_reads_only_what_stands_before_it() {
 }
 
 #[test]
-fn names_end_in_their_units_and_sentences_in_a_full_stop() {
+fn field_names_end_in_their_units_and_descriptions_in_a_full_stop() {
     let suffixes = FIELDS.iter().map(|field| unit_suffix(field.unit)).collect::<BTreeSet<_>>();
     for field in FIELDS {
         // The longest suffix that fits is the one: `_m_s2` ends in no `_m`, but `_n_m3` might look like others.
@@ -155,7 +155,7 @@ fn the_choices_of_the_table_are_the_variants_of_the_types() {
 }
 
 #[test]
-fn the_json_schema_says_what_the_table_says() {
+fn json_schema_matches_the_field_table() {
     let schema = json_schema();
     assert_eq!(schema["$schema"], "https://json-schema.org/draft/2020-12/schema");
     assert_eq!(schema["required"], json!(["experiment"]));
@@ -189,7 +189,7 @@ fn the_json_schema_says_what_the_table_says() {
 }
 
 #[test]
-fn every_field_is_in_the_tables_of_an_experiment_that_takes_it_and_in_no_other() {
+fn field_tables_list_a_field_only_for_experiments_that_take_it() {
     let row = |experiment: &str, pointer: &str| {
         let (section, name) = pointer.rsplit_once('/').unwrap();
         let tables = field_tables_markdown(experiment);

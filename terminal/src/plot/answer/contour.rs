@@ -75,7 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plane_has_one_open_line() {
+    fn contour_of_a_plane_is_one_open_line() {
         let lines = lines(&grid(11, |x, y| x + 0.5 * y - 0.6), 11);
         assert_eq!(lines.len(), 1);
         for (x, y) in &lines[0] {
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hill_has_a_ring_and_a_saddle_two_lines() {
+    fn contour_of_a_hill_is_a_ring_and_of_a_saddle_two_lines() {
         let ring = lines(&grid(33, |x, y| 0.09 - (x - 0.5).powi(2) - (y - 0.5).powi(2)), 33);
         assert_eq!(ring.len(), 1);
         assert_eq!(ring[0].first(), ring[0].last());

@@ -184,7 +184,7 @@ fn boundary_over_three_factors_has_slices() {
 }
 
 #[test]
-fn estimates_are_points_or_rows() {
+fn estimates_are_shown_as_points_or_rows() {
     let intervals = json!([{"of": {"probability": "jammed"}, "width": 0.4}, {"of": {"mean": "mean_rate_kg_s"}, "width": 0.1}]);
     let goal = json!({"estimate": {"points": [[0.04], [0.055], [0.07]], "intervals": intervals}});
     let labels = ["probability of jammed", "mean rate (kg/s)"];
@@ -218,7 +218,7 @@ fn front_has_numbered_points() {
 }
 
 #[test]
-fn sensitivities_are_bars() {
+fn sensitivities_are_shown_as_bars() {
     let of = json!([{"mean": "mean_rate_kg_s"}, {"probability": "jammed"}]);
     let goal = json!({"sensitivity": {"of": of, "width": 0.5}});
     let texts =
@@ -270,7 +270,7 @@ fn long_texts_are_broken_at_spaces() {
 }
 
 #[test]
-fn levels_are_ticks_and_names() {
+fn levels_are_shown_as_ticks_with_their_names() {
     let walls = json!([{"pointer": "/equipment/side_walls", "levels": ["frictionless", "steel"]}]);
     let goal = json!({"estimate": {
         "points": [["frictionless"], ["steel"]],

@@ -91,7 +91,7 @@ fn problem(status: &'static str) -> (Duration, &'static str, String) {
 }
 
 #[tokio::test]
-async fn an_upload_continues_where_the_server_says() {
+async fn upload_resumes_at_the_offset_of_the_server() {
     let first = vec![receipt(100), problem("503 Service Unavailable"), receipt(0), receipt(70)];
     let (address, seen) = server(first).await;
     let (session, _folder) = session(&address);
@@ -129,7 +129,7 @@ async fn a_refused_or_too_long_checkpoint_is_not_stored() {
 }
 
 #[tokio::test]
-async fn one_upload_is_under_way_and_the_newest_checkpoint_follows() {
+async fn only_one_upload_runs_and_the_newest_checkpoint_follows() {
     let slow =
         (Duration::from_millis(500), "200 OK", r#"{"received": 1000000000, "recorded": true}"#.to_owned());
     let (address, seen) = server(vec![slow]).await;

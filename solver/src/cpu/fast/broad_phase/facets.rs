@@ -226,7 +226,7 @@ mod tests {
     use crate::scenario::from_value;
 
     #[test]
-    fn a_facet_is_touched_to_the_last_bit_as_by_one_sub_particle() {
+    fn vectorised_facet_kinematics_equal_the_scalar_nearest_point_bit_for_bit() {
         let (u, v) = (DVec3::new(0.05, 0.02, 0.0), DVec3::new(-0.01, 0.04, 0.01));
         let motion =
             Motion::Moving { velocity: DVec3::X * 0.3, pivot: DVec3::new(0.3, 0.2, 0.1), spin: DVec3::ONE };

@@ -343,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_within_reach_is_found_in_order() {
+    fn pair_search_finds_all_pairs_within_reach_in_order() {
         const REACH: f32 = 0.02;
         for periodic_y in [false, true] {
             // Every block spans its whole body, so that each is near each block of the other: one row of
@@ -374,7 +374,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_found_is_no_nearer_than_told() {
+    fn pair_search_without_pairs_returns_a_lower_bound_of_the_distance() {
         // Gaps below and above a block's size, and one body inside the other.
         let near_blocks = |gap: f64| [(40, DVec3::ZERO, 0.04), (50, DVec3::X * (0.04 + gap), 0.04)];
         let within = [(16, DVec3::ZERO, 0.01), (16, DVec3::ZERO, 0.06)];

@@ -173,7 +173,7 @@ mod tests {
     const REACH: f32 = 0.01;
 
     #[test]
-    fn sub_particles_near_a_facet_are_those_that_touch_says() {
+    fn vectorised_wall_search_finds_the_sub_particles_within_reach() {
         let plate = |u: DVec3, v: DVec3| {
             Surface::parallelogram("plate", SurfaceKind::Equipment, (u + v) * -0.5, u, v)
         };

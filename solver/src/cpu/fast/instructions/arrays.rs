@@ -177,7 +177,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bits_of_lanes_go_to_their_places() {
+    fn transposed_bits_match_transposed_lanes() {
         for lane in 0..WIDTH {
             assert_eq!(transposed_bits(1 << lane), 1 << transposed_lane(lane), "{lane}");
             assert_eq!(transposed_lane(transposed_lane(lane)), lane);

@@ -380,7 +380,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rough_roots_and_inverses_are_near() {
+    fn approx_rsqrt_and_approx_recip_are_within_their_error_bounds() {
         let scalar = Scalar::new();
         for k in 0..20_000 {
             let x = 10f32.powf(-25.0 + 50.0 * k as f32 / 20_000.0);

@@ -59,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn parts_are_all() {
+    fn parts_cover_the_whole_slice_in_order() {
         let of: Vec<u8> = (0..21).collect();
         let parts: Vec<u8> = (0..PARTS).flat_map(|k| part(&of, k, PARTS)).copied().collect();
         assert_eq!(parts, of);

@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn all_take_octets_apart_and_add_them_alike() {
+    fn instruction_sets_agree_on_splitting_and_adding_octets() {
         let mut random = fastrand::Rng::with_seed(1);
         let octets: Octets = std::array::from_fn(|_| std::array::from_fn(|_| random.f32() - 0.5));
         let [a, b, ..] = octets;
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn all_move_bits_and_places_alike() {
+    fn instruction_sets_agree_on_masks_and_permutations() {
         let mut random = fastrand::Rng::with_seed(1);
         for _ in 0..2000 {
             let bits = random.u16(..);

@@ -55,7 +55,7 @@ mod tests {
     }
 
     #[test]
-    fn the_root_of_jkr_is_found_for_every_overlap() {
+    fn jkr_root_matches_the_exact_root_for_every_overlap() {
         let mut buffer = Lanes::ZERO;
         for k in 0..40_000 {
             // From just above the snap, densely, to overlaps a million times the snap overlap.

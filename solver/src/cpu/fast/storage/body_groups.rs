@@ -52,7 +52,7 @@ mod tests {
     use crate::scenario::from_value;
 
     #[test]
-    fn single_spheres_that_follow_each_other_go_together() {
+    fn consecutive_single_spheres_of_one_kind_share_a_group() {
         let drop = from_value(&json!({"experiment": "drop"})).expect("a scenario");
         let scene = scene_of(&drop);
         let fillet = scene.kinds[0].clone();

@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_follow_what_moves_and_nothing_else() {
+    fn body_bounds_follow_moved_sub_particles_without_padding() {
         let frame = Frame::new(DVec3::splat(-0.1), DVec3::splat(0.1), false);
         // The padding of the last block, of 8 in both cases, keeps its position.
         for count in [40, 300] {
