@@ -224,7 +224,7 @@ mod tests {
             replicate,
             seed: u64::from(replicate),
             factors: Default::default(),
-            parameters: Map::new(),
+            parameters: serde_json::Map::new(),
             state: JobState::Succeeded,
             failure_class: None,
             backend: None,

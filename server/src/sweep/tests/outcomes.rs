@@ -16,7 +16,7 @@ pub(super) fn trial(point: u32, replicate: u32, factors: Value, responses: Value
         replicate,
         seed: u64::from(replicate) + 1,
         factors: factors.as_object().unwrap().clone(),
-        parameters: Map::new(),
+        parameters: serde_json::Map::new(),
         state: JobState::Succeeded,
         failure_class: None,
         backend: Some("cpu".to_owned()),
