@@ -30,7 +30,7 @@ function samplesPlot({ parameters, samples }, factors) {
       const end = traces.length === 0 ? "" : String(row * count + left + 1), x = `x${end}`, y = `y${end}`, is_histogram = row === left;
       traces.push(is_histogram
         ? { type: "histogram", x: column(row), marker: { color: colour("c0") }, nbinsx: 24, xaxis: x, yaxis: y, showlegend: false, hovertemplate: "%{x}: %{y} samples<extra></extra>" }
-        : { type: "scatter", mode: "markers", x: column(left), y: column(row), marker: { color: colour("c0"), size: 3, opacity: 0.35 }, xaxis: x, yaxis: y, showlegend: false, hoverinfo: "skip" });
+        : { type: "scatter", mode: "markers", x: column(left), y: column(row), marker: { color: colour("c0"), size: 2.5 }, xaxis: x, yaxis: y, showlegend: false, hoverinfo: "skip" });
       if (!is_histogram) {
         traces.push({ type: "scatter", mode: "markers", name: "most probable set", x: [parameters[left].best], y: [parameters[row].best], marker: { color: colour("c1"), size: 11, symbol: "x" }, xaxis: x, yaxis: y, showlegend: row === 1 && left === 0 });
       }
@@ -58,7 +58,7 @@ function comparedPlot({ targets }) {
   const relative = rows.map(({ simulated, target }) => ["mean", "low", "high"].map((name) => /** @type {any} */ (simulated)[name] / target.mean));
   return {
     traces: [
-      { type: "scatter", mode: "markers", name: "measured, mean ± 2 standard errors", y, x: rows.map(() => 1), marker: { color: colour("c1"), size: 12 }, error_x: bars(rows.map(({ target }) => (2 * target.deviation) / Math.sqrt(target.n) / Math.abs(target.mean)), 8), opacity: 0.6, hoverinfo: "y" },
+      { type: "scatter", mode: "markers", name: "measured, mean ± 2 standard errors", y, x: rows.map(() => 1), marker: { color: colour("c1"), size: 12 }, error_x: bars(rows.map(({ target }) => (2 * target.deviation) / Math.sqrt(target.n) / Math.abs(target.mean)), 8), hoverinfo: "y" },
       { type: "scatter", mode: "markers", name: "simulated, 95 %", y, x: relative.map(([mean]) => mean), marker: { color: colour("c0"), size: 8 }, error_x: { ...bars(relative.map(([mean, , high]) => high - mean)), symmetric: false, arrayminus: relative.map(([mean, low]) => mean - low) }, hoverinfo: "y" },
     ],
     layout: { xaxis: { title: { text: "relative to the measured mean" } }, yaxis: { automargin: true, autorange: "reversed" } },
