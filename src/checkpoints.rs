@@ -69,6 +69,10 @@ impl CheckpointArgs {
             warning: Arc::default(),
             saves: self.checkpoint_every.is_some(),
         };
+        if self.checkpoint_every.is_none() && checkpoints.file.exists() {
+            let file = checkpoints.file.display();
+            message!("begins at zero, and keeps {file}: --checkpoint-every continues from there");
+        }
         if let Some(interval) = self.checkpoint_every.filter(|interval| !interval.is_zero()) {
             let saved = if self.from_start { None } else { read(&checkpoints.file, &stamp)? };
             if let Some(saved) = saved {

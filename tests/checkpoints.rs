@@ -171,6 +171,9 @@ fn a_run_continues_from_its_checkpoint_after_an_interrupt() {
         !other.status.success() && log.contains("of another scenario") && log.contains("--from-start"),
         "{log}"
     );
+    let short = sandbox.file("short.json", &support::hopper_scenario(0.1));
+    let without = support::transcript(&run(&["run", "--backend", "cpu", "-o", &folder, &short]));
+    assert!(without.contains("--checkpoint-every continues from there") && saved.exists(), "{without}");
     let bytes = std::fs::read(&saved).unwrap();
     std::fs::write(&saved, &bytes[..bytes.len() / 2]).unwrap();
     let damaged = support::transcript(&run(&arguments));

@@ -2,19 +2,21 @@
 //!
 //! For each running study it reads the trials, decides on a thread of its own, and stores proposals and answer in one transaction. A
 //! decision depends on the stored rows alone, so that a server that was killed goes on as if nothing had happened. No claim or result
-//! waits for a decision.
+//! waits for a decision, and a study with slow decisions does not hold up another one.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::time::Duration;
 
 use futures_util::StreamExt;
-use futures_util::stream;
+use futures_util::stream::FuturesUnordered;
 use roost_api::ids::SweepId;
 use roost_api::study::{Driver, StudyState};
 use roost_api::sweep::StateCounts;
+use tokio::sync::Semaphore;
+use tokio::time::{MissedTickBehavior, interval};
 
 use crate::state::App;
-use crate::store::{AskedRuns, MAX_PROPOSALS, StoreError};
+use crate::store::{AskedRuns, MAX_PROPOSALS, StoreError, StoredStudy};
 use crate::study::Study;
 
 /// Interval between looks at the trials of running studies.
@@ -35,13 +37,40 @@ async fn decide_always(app: &App) {
     if let Err(error) = cancel_all_rest(app).await {
         tracing::error!(error = error.as_dyn(), "cancelling the last runs of finished studies failed");
     }
-    let mut seen = HashMap::new();
+    let (mut seen, mut busy) = (HashMap::new(), HashSet::new());
+    let places = Semaphore::new(AT_ONCE);
+    let mut decisions = FuturesUnordered::new();
+    let mut looks = interval(INTERVAL);
+    looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
-        tokio::time::sleep(INTERVAL).await;
-        if let Err(error) = decide_about_all(app, &mut seen).await {
-            tracing::error!(error = error.as_dyn(), "looking at studies failed");
+        tokio::select! {
+            Some((id, outcome)) = decisions.next() => {
+                busy.remove(&id);
+                match outcome {
+                    Ok(Some(tally)) => drop(seen.insert(id, tally)),
+                    Ok(None) => {}
+                    Err(error) => {
+                        tracing::error!(error = error.as_dyn(), study = %id, "deciding about a study failed");
+                    }
+                }
+            }
+            _ = looks.tick() => match running_studies(app).await {
+                Ok(running) => {
+                    seen.retain(|id, _| running.contains(id));
+                    for id in running.into_iter().filter(|id| busy.insert(*id)) {
+                        let (before, places) = (seen.get(&id).copied(), &places);
+                        decisions.push(async move { (id, decide(app, id, before, places).await) });
+                    }
+                }
+                Err(error) => tracing::error!(error = error.as_dyn(), "looking at studies failed"),
+            },
         }
     }
+}
+
+async fn running_studies(app: &App) -> Result<Vec<SweepId>, StoreError> {
+    app.store.expire_handed_out(app.clock.now()).await?;
+    app.store.running_studies().await
 }
 
 /// Cancels what an earlier server process had no time to cancel.
@@ -84,36 +113,30 @@ impl Tally {
     }
 }
 
-async fn decide_about_all(app: &App, seen: &mut HashMap<SweepId, Tally>) -> Result<(), StoreError> {
-    app.store.expire_handed_out(app.clock.now()).await?;
-    let running = app.store.running_studies().await?;
-    seen.retain(|id, _| running.contains(id));
-    let decisions = running.into_iter().map(|id| {
-        let before = seen.get(&id).copied();
-        async move { (id, decide(app, id, before).await) }
-    });
-    let decided: Vec<_> = stream::iter(decisions).buffer_unordered(AT_ONCE).collect().await;
-    for (id, outcome) in decided {
-        match outcome {
-            Ok(Some(tally)) => drop(seen.insert(id, tally)),
-            Ok(None) => {}
-            Err(error) => {
-                tracing::error!(error = error.as_dyn(), study = %id, "deciding about a study failed")
-            }
-        }
-    }
-    Ok(())
-}
-
-/// Decides about a study if its runs have changed. Returns its runs before the decision, or none if the decision was not stored.
-async fn decide(app: &App, id: SweepId, before: Option<Tally>) -> Result<Option<Tally>, StoreError> {
+/// A study with what a decision about it depends on; none once it is deleted.
+async fn with_tally(app: &App, id: SweepId) -> Result<Option<(StoredStudy, Tally)>, StoreError> {
     let Some(stored) = app.store.study(id).await? else { return Ok(None) };
     let (counts, waiting) = app.store.study_counts(id).await?;
     let tally =
         Tally { counts, waiting, max_runs: stored.max_runs, news: stored.news, driver: stored.driver };
+    Ok(Some((stored, tally)))
+}
+
+/// Decides about a study if its runs have changed, when one of the places is free. Returns its runs before the decision, or none if the
+/// decision was not stored.
+async fn decide(
+    app: &App,
+    id: SweepId,
+    before: Option<Tally>,
+    places: &Semaphore,
+) -> Result<Option<Tally>, StoreError> {
+    let Some((_, tally)) = with_tally(app, id).await? else { return Ok(None) };
     if before.is_some_and(|before| !tally.is_news_after(&before)) {
         return Ok(before);
     }
+    let _place = places.acquire().await;
+    // Runs may have ended while the decision waited for its place.
+    let Some((stored, tally)) = with_tally(app, id).await? else { return Ok(None) };
     let mut trials = app.store.trials_of(id, 0..u32::MAX).await?;
     let observations = app.store.observations(id).await?;
     let present = stored.present()?;
