@@ -1,4 +1,5 @@
 //! The alert rules of `deploy/alerts.yaml`: `promtool` tests each rule, all metrics exist, and one rule fires in a real Prometheus.
+//! The expressions of `deploy/grafana-dashboard.json` are valid, and their metrics exist as well.
 
 mod support;
 
@@ -7,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use roost_api::job::JobState;
-use serde_json::Value;
+use serde_json::{Value, json};
 use support::{Sandbox, transcript, wait_until};
 
 fn rules() -> PathBuf {
@@ -62,9 +63,54 @@ fn every_alert_is_in_the_documentation() {
     }
 }
 
-/// Metrics in the rules with their label selectors: `(metric, Some((label, values)))`.
-fn metrics_in_rules() -> BTreeSet<(String, Option<(String, String)>)> {
-    let text = read(&rules());
+/// The dashboard for Grafana.
+fn dashboard() -> Value {
+    serde_json::from_str(&read(&rules().with_file_name("grafana-dashboard.json"))).unwrap()
+}
+
+/// The expressions in a part of the dashboard: of panels, annotations and variables.
+fn expressions(part: &Value) -> Vec<String> {
+    let of_field = |(key, value): (&String, &Value)| match value {
+        Value::String(text) if ["expr", "definition"].contains(&key.as_str()) => vec![text.clone()],
+        _ => expressions(value),
+    };
+    match part {
+        Value::Object(fields) => fields.iter().flat_map(of_field).collect(),
+        Value::Array(parts) => parts.iter().flat_map(expressions).collect(),
+        _ => Vec::new(),
+    }
+}
+
+#[test]
+fn dashboard_has_valid_expressions_and_names_existing_alerts() {
+    let dashboard = dashboard();
+    let of_panels = expressions(&dashboard["panels"]).into_iter().enumerate();
+    let rules: Vec<Value> = of_panels
+        .map(|(number, text)| {
+            let text = text.replace("$__rate_interval", "5m");
+            json!({"record": format!("dashboard:{number}"), "expr": text})
+        })
+        .collect();
+    assert!(rules.len() > 25, "{rules:?}");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("rules.yaml");
+    let groups = json!({"groups": [{"name": "dashboard", "rules": rules}]});
+    std::fs::write(&path, groups.to_string()).unwrap();
+    let output = promtool(&["check", "rules", &path.display().to_string()]);
+    assert!(output.status.success(), "{}", transcript(&output));
+
+    let text = dashboard.to_string();
+    let words = text.split(|c: char| !c.is_ascii_alphanumeric());
+    let named: BTreeSet<&str> = words.filter(|word| word.len() > 5 && word.starts_with("Roost")).collect();
+    assert!(named.len() > 5, "{named:?}");
+    let alerts = alerts();
+    for name in named {
+        assert!(alerts.iter().any(|alert| alert == name), "{name}");
+    }
+}
+
+/// Metrics in expressions with their label selectors: `(metric, Some((label, values)))`.
+fn metrics_in(text: &str) -> BTreeSet<(String, Option<(String, String)>)> {
     let is_name = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let mut named = BTreeSet::new();
     let starts = ["roost_", "process_"].iter().flat_map(|prefix| text.match_indices(prefix));
@@ -72,30 +118,36 @@ fn metrics_in_rules() -> BTreeSet<(String, Option<(String, String)>)> {
         let rest = &text[start..];
         let (name, rest) = rest.split_at(rest.find(|c| !is_name(c)).unwrap());
         named.insert((name.to_owned(), None));
-        let Some((selector, _)) = rest.strip_prefix('{').and_then(|rest| rest.split_once('}')) else {
+        // A value may contain braces.
+        let Some((selector, _)) = rest.strip_prefix('{').and_then(|rest| rest.split_once("\"}")) else {
             continue;
         };
-        let (label, value) = selector.split_once('=').unwrap();
-        named.insert((name.to_owned(), Some((label.to_owned(), value.trim_matches(['~', '"']).to_owned()))));
+        for matcher in selector.split(", ") {
+            let (label, value) = matcher.split_once('=').unwrap();
+            let value = value.trim_matches(['~', '"']);
+            named.insert((name.to_owned(), Some((label.to_owned(), value.to_owned()))));
+        }
     }
     named
 }
 
 #[test]
-fn rules_use_only_metrics_and_labels_of_a_real_server() {
+fn rules_and_dashboard_use_only_metrics_and_labels_of_a_real_server() {
     let text = metrics_after_work();
     let samples: Vec<_> = text.lines().filter(|line| !line.starts_with('#')).collect();
-    let named = metrics_in_rules();
-    assert!(named.len() > 15, "{named:?}");
-    for (metric, label) in named {
+    let in_rules = metrics_in(&read(&rules()));
+    let in_dashboard = metrics_in(&format!("{}\n", expressions(&dashboard()).join("\n")));
+    assert!(in_rules.len() > 15 && in_dashboard.len() > 40, "{in_rules:?} {in_dashboard:?}");
+    for (metric, label) in in_rules.into_iter().chain(in_dashboard) {
         let of_metric = samples.iter().filter(|line| {
             line.strip_prefix(metric.as_str()).is_some_and(|rest| rest.starts_with(['{', ' ']))
         });
         let of_metric: Vec<_> = of_metric.collect();
         assert!(!of_metric.is_empty(), "no {metric}:\n{text}");
-        // Prometheus adds `job`, and a server without errors has no error status.
-        let Some((label, values)) = label.filter(|(label, _)| label != "job") else { continue };
-        let any = if values == "5.." { vec![""] } else { values.split('|').collect() };
+        // Prometheus adds `job` and `instance`, and a server without errors has no error status.
+        let is_own = |label: &str| !["job", "instance"].contains(&label);
+        let Some((label, values)) = label.filter(|(label, _)| is_own(label)) else { continue };
+        let any = if values.ends_with("..") { vec![""] } else { values.split('|').collect() };
         for value in any {
             let wanted = format!("{label}=\"{value}");
             assert!(

@@ -254,6 +254,25 @@ fn tokens_are_made_and_listed() {
 }
 
 #[test]
+fn a_server_is_backed_up_and_gets_a_new_token() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let data = sandbox.path("data").display().to_string();
+    let old = support::run(&["token", "create", "--scope", "worker", "--json", "--data", &data]);
+    let old: serde_json::Value = serde_json::from_str(&support::stdout(&old)).unwrap();
+    let revoke = format!("revoke {}", old["view"]["id"].as_str().unwrap());
+    let page = "docs/howto/operate.md";
+    let replaced = [("backups/2026-03-01", "backups/*"), ("revoke ID", revoke.as_str())];
+    run(&sandbox, page, "a_server_is_backed_up_and_gets_a_new_token", &replaced, "");
+    assert!(sandbox.path("restored/roost.db").exists());
+    let tokens = support::stdout(&support::run(&["token", "list", "--json", "--data", &data]));
+    let tokens: Vec<serde_json::Value> = serde_json::from_str(&tokens).unwrap();
+    let valid: Vec<_> = tokens.iter().filter(|token| token["revoked_at"].is_null()).collect();
+    assert_eq!((tokens.len(), valid.len()), (2, 1));
+    assert_eq!(valid[0]["name"], "workers-2");
+}
+
+#[test]
 fn a_client_submits_and_reads() {
     let sandbox = sandbox_with_sweep_file();
     let _server = sandbox.start_server();

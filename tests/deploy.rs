@@ -1,5 +1,6 @@
 //! The files in `deploy/`, checked by their tools. Tests of a missing tool are skipped.
 
+mod kubernetes;
 mod support;
 
 use std::net::SocketAddr;
@@ -91,7 +92,7 @@ fn grace_periods_end_before_the_kill() {
     let grace_s = number_after(&slurm, "ROOST_GRACE_S:-");
     assert!(grace_s + TO_DELIVER_S <= 30, "Slurm's KillWait is 30 s");
     assert!(grace_s + TO_DELIVER_S <= number_after(&slurm, "--signal=B:TERM@"));
-    let pods = std::fs::read_to_string(deploy("workers.kubernetes.yaml")).unwrap();
+    let pods = std::fs::read_to_string(deploy("kubernetes/workers.yaml")).unwrap();
     let grace_s = number_after(&pods, r#""--grace", ""#);
     assert!(grace_s + TO_DELIVER_S <= number_after(&pods, "terminationGracePeriodSeconds: "));
     let unit = std::fs::read_to_string(deploy("roost-work.service")).unwrap();
@@ -230,12 +231,31 @@ fn image_is_complete_and_its_build_sees_only_sources() {
     assert!(output.status.success(), "{}", support::transcript(&output));
 }
 
+/// All files in `deploy/` and its folders, by their path from there.
+fn files() -> Vec<String> {
+    let (mut found, mut folders) = (Vec::new(), vec![deploy("")]);
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                found.push(path.strip_prefix(deploy("")).unwrap().display().to_string());
+            }
+        }
+    }
+    found
+}
+
 #[test]
 fn every_file_is_documented_and_uses_existing_options() {
     let readme = std::fs::read_to_string(deploy("README.md")).unwrap();
-    for entry in std::fs::read_dir(deploy("")).unwrap() {
-        let name = entry.unwrap().file_name().into_string().unwrap();
-        assert!(name == "README.md" || readme.contains(&format!("`{name}`")), "{name}");
+    for name in files() {
+        let in_table = match name.split_once('/') {
+            Some((folder, _)) => format!("`{folder}/`"),
+            None => format!("`{name}`"),
+        };
+        assert!(name == "README.md" || readme.contains(&in_table), "{name}");
         let text = std::fs::read_to_string(deploy(&name)).unwrap();
         // Options in the files exist.
         let help =
