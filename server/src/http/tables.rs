@@ -237,7 +237,9 @@ struct Columns {
 impl Columns {
     fn of(&self, chunk: &Chunk) -> Vec<sweep::Column> {
         match chunk {
-            Chunk::Trials(trials) => sweep::of_trials(&self.factors, &self.parameters, &self.responses, trials),
+            Chunk::Trials(trials) => {
+                sweep::of_trials(&self.factors, &self.parameters, &self.responses, trials)
+            }
             Chunk::Points(points) => sweep::of_points(&self.factors, &self.responses, points, self.is_drawn),
         }
     }

@@ -243,7 +243,10 @@ fn calibration_has_samples_numbers_and_curves() {
     let found = &answer.answer["finding"]["calibrate"];
     assert_eq!(circles(&drawn, "0.25").len(), found["samples"].as_array().unwrap().len());
     let orange = circles(&drawn, "1").into_iter().filter(|(.., radius)| *radius == 5.0).count();
-    assert_eq!(orange, 4, "simulated mean of the number, two measured points of the curve, and one in the legend");
+    assert_eq!(
+        orange, 4,
+        "simulated mean of the number, two measured points of the curve, and one in the legend"
+    );
     let band = roxmltree::Document::parse(&drawn)
         .unwrap()
         .descendants()

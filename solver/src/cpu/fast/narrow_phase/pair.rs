@@ -46,7 +46,15 @@ impl<S: Simd> PairLanes<S> {
 
     /// `d` leads from i to j, or to the surface, and has this length.
     #[inline(always)]
-    fn from_contact(simd: S, d: F3<S>, length: F<S>, arm: F3<S>, v: F3<S>, spin: F3<S>, half_dt: f32) -> Self {
+    fn from_contact(
+        simd: S,
+        d: F3<S>,
+        length: F<S>,
+        arm: F3<S>,
+        v: F3<S>,
+        spin: F3<S>,
+        half_dt: f32,
+    ) -> Self {
         let inverse_length = F::splat(simd, 1.0) / length.max(F::splat(simd, NO_LENGTH_M));
         // Coincident centres: d is zero, and so is n.
         let n = d * inverse_length;
