@@ -24,7 +24,7 @@ pub(super) fn squeue(text: &str) -> Vec<SlurmJob> {
         let reason = if reason == "None" { "" } else { reason };
         let state = state_of(state);
         let reason = if state == AllocationState::Failed && reason.is_empty() {
-            fields_in_words(line)
+            reason_of_state(line)
         } else {
             reason.to_owned()
         };
@@ -33,9 +33,12 @@ pub(super) fn squeue(text: &str) -> Vec<SlurmJob> {
     text.lines().filter_map(job).collect()
 }
 
-/// The state of a failed job, where Slurm gives no reason.
-fn fields_in_words(line: &str) -> String {
-    line.split('|').nth(1).unwrap_or_default().to_lowercase()
+/// The state of a failed job, where Slurm gives no reason: `FAILED` alone says no more than the state.
+fn reason_of_state(line: &str) -> String {
+    match line.split('|').nth(1).unwrap_or_default() {
+        "FAILED" => String::new(),
+        state => state.to_lowercase(),
+    }
 }
 
 /// The jobs in the output of `sacct --noheader --parsable2 --format=SACCT_FORMAT`, without their steps.
@@ -89,7 +92,7 @@ mod tests {
     #[test]
     fn squeue_lines_have_id_state_and_reason() {
         let text = "17|PENDING|Resources\n18|RUNNING|None\n19|PENDING|a|b (c)\n20|COMPLETING|None\n21|CANCELLED|None\n\
-                    22|TIMEOUT|TimeLimit\n23|FAILED|NonZeroExitCode\n24|NODE_FAIL|None\n25|COMPLETED|None\n\
+                    22|TIMEOUT|TimeLimit\n23|FAILED|NonZeroExitCode\n24|NODE_FAIL|None\n27|FAILED|None\n25|COMPLETED|None\n\
                     26_[1-4]|PENDING|Priority\nslurm_load_jobs error: Unable to contact slurm controller\n\n";
         let expected = [
             job(17, Waiting, "Resources"),
@@ -100,6 +103,7 @@ mod tests {
             job(22, TimedOut, "TimeLimit"),
             job(23, Failed, "NonZeroExitCode"),
             job(24, Failed, "node_fail"),
+            job(27, Failed, ""),
             job(25, Completed, ""),
         ];
         assert_eq!(squeue(text), expected, "arrays and errors are passed over");
