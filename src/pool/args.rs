@@ -25,19 +25,19 @@ const HAND_BACK: Duration = Duration::from_secs(10);
 pub(super) struct SlurmArgs {
     #[command(flatten)]
     pub(super) server: target::Server,
-    /// Maximum number of allocations that wait in Slurm's queue
+    /// Maximum number of allocations that wait in Slurm's queue, 1 to 1000
     #[arg(long, default_value_t = 4, value_name = "N", value_parser = number::<1000>)]
     pub(super) backlog: u32,
-    /// Maximum number of workers in all allocations
+    /// Maximum number of workers in all allocations, 1 to 100000
     #[arg(long, default_value_t = 64, value_name = "N", value_parser = number::<100_000>)]
     pub(super) max_workers: u32,
-    /// Workers of an allocation; they share its processors on one node
+    /// Workers of an allocation, 1 to 1024; they share its processors on one node
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = number::<1024>)]
     pub(super) workers_per_alloc: u32,
     /// A worker exits after so long without a job
     #[arg(long, default_value = "5m", value_name = "TIME", value_parser = time)]
     pub(super) idle_timeout: Duration,
-    /// Time limit of an allocation, from 1m; Slurm rounds it up to minutes
+    /// Time limit of an allocation, 1m to 168h; Slurm rounds it up to minutes
     #[arg(long, default_value = "1h", value_name = "TIME", value_parser = time_limit)]
     pub(super) time_limit: Duration,
     /// Queued jobs that present workers start within this time need no allocation

@@ -254,7 +254,7 @@ impl Pool {
         }
         for (subject, text) in &decision.warnings {
             if !self.said.contains_key(subject) {
-                self.say(*subject, text.clone());
+                self.say(subject, text.clone());
             }
         }
     }

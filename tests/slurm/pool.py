@@ -51,11 +51,12 @@ def running():
 
 def same_bits(job):
     """Whether a run without stops has the same responses, series and curves."""
+    result = get(f"/v1/jobs/{job}/result")
     scenario = FOLDER / "again.json"
-    scenario.write_text(json.dumps(job["scenario"]))
-    output = FOLDER / f"again-{job['id']}"
+    scenario.write_text(json.dumps(result["scenario"]))
+    output = FOLDER / f"again-{job}"
     subprocess.run([ROOST, "run", scenario, "-o", output, "--threads", "1", "--no-shared-fill"], check=True, capture_output=True)
-    again, result = json.loads((output / "result.json").read_text()), get(f"/v1/jobs/{job['id']}/result")
+    again = json.loads((output / "result.json").read_text())
     return all(again[part] == result[part] for part in ["responses", "series", "curves", "end_reason"])
 
 
@@ -120,9 +121,9 @@ def main():
           f"after others: {sum(after_checkpoint.values()):.3f} s")
     print(listed.stdout)
     jobs = collections.Counter(job for job, *_ in rows)
-    checked = [get(f"/v1/jobs/{job}") for job, count in jobs.most_common(4) if count > 1]
+    checked = [job for job, count in jobs.most_common(4) if count > 1]
     same = [same_bits(job) for job in checked]
-    print(f"simulated again without stops: {len(same)} jobs of {', '.join(str(jobs[job['id']]) for job in checked)} attempts; "
+    print(f"simulated again without stops: {len(same)} jobs of {', '.join(str(jobs[job]) for job in checked)} attempts; "
           f"same bits: {sum(same)}")
     faults = [results[0] != JOBS, sum(repeated.values()) > 0, not all(same), did_cancel * 2 < len(seen) - 2]
     print((FOLDER / "pool.log").read_text())
