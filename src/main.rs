@@ -23,6 +23,7 @@ mod meshes;
 mod openapi;
 mod output;
 mod pause;
+mod pool;
 mod prune;
 mod results;
 mod retry;
@@ -73,6 +74,7 @@ enum Command {
     Up(up::Args),
     Serve(serve::Args),
     Work(work::Args),
+    Pool(pool::Args),
     Run(run::Args),
     Submit(submit::Args),
     Study(study::Args),
@@ -106,6 +108,7 @@ impl Command {
         match self {
             Self::Up(_) | Self::Serve(_) | Self::Work(_) => "info",
             Self::Demo(_) => "error",
+            Self::Pool(args) => args.log_filter(),
             Self::Study(args) => args.log_filter(),
             _ => "warn",
         }
@@ -132,6 +135,7 @@ impl Command {
             Self::Up(args) => up::execute(args).await,
             Self::Serve(args) => serve::execute(args).await,
             Self::Work(args) => work::execute(args).await,
+            Self::Pool(args) => pool::execute(args).await,
             Self::Run(args) => run::execute(args).await,
             Self::Submit(args) => submit::execute(args).await,
             Self::Study(args) => study::execute(args).await,

@@ -1,6 +1,6 @@
 //! The server of a command, and ids of its sweeps, jobs and workers.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clap::Args;
@@ -24,6 +24,21 @@ pub(crate) struct Server {
 impl Server {
     pub(crate) fn client(&self) -> Result<Client> {
         Ok(Client::with_credentials(&self.server, &self.access.read()?)?)
+    }
+
+    /// Its address.
+    pub(crate) fn address(&self) -> &str {
+        &self.server
+    }
+
+    /// The file with the access token.
+    pub(crate) fn token_file(&self) -> Option<&Path> {
+        self.access.token_file.as_deref()
+    }
+
+    /// The file with the authorities to trust.
+    pub(crate) fn ca(&self) -> Option<&Path> {
+        self.access.ca.as_deref()
     }
 }
 

@@ -9,6 +9,7 @@ use roost_worker::device::Device;
 use roost_worker::{Slots, WorkerConfig};
 
 use crate::device::DeviceArgs;
+use crate::interval::time;
 use crate::target;
 
 /// Run a worker: claim jobs from a server, simulate them, deliver results
@@ -25,6 +26,9 @@ pub(crate) struct Args {
     access: target::Access,
     #[command(flatten)]
     worker: WorkerArgs,
+    /// Exit after so long without a job, such as 30s, 5m or 1h; without it, the worker waits for ever
+    #[arg(long, value_name = "TIME", value_parser = time)]
+    idle_timeout: Option<Duration>,
     /// Folder for finished results that the server has not confirmed
     #[arg(long, env = "ROOST_STATE", value_name = "DIR")]
     state: Option<PathBuf>,
@@ -51,7 +55,7 @@ pub(crate) struct WorkerArgs {
     name: Option<String>,
 }
 
-fn slots(text: &str) -> Result<Slots, String> {
+pub(crate) fn slots(text: &str) -> Result<Slots, String> {
     match text.parse() {
         Ok(slots @ 1..=1024) => Ok(Slots::Fixed(slots)),
         _ if text == "auto" => Ok(Slots::Auto),
@@ -84,13 +88,13 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let state = args.state.unwrap_or_else(default_state);
     let device = args.worker.device()?;
     let config = args.worker.config(args.server, state, device);
-    let config = WorkerConfig { credentials: args.access.read()?, ..config };
+    let config = WorkerConfig { credentials: args.access.read()?, idle_timeout: args.idle_timeout, ..config };
     roost_worker::work(config, shutdown).await?;
     Ok(Exit::Done)
 }
 
 /// The state folder of the service manager, else that of the XDG rules.
-fn default_state() -> PathBuf {
+pub(crate) fn default_state() -> PathBuf {
     let folder = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     folder("STATE_DIRECTORY")
         .or_else(|| folder("XDG_STATE_HOME").map(|path| path.join("roost")))

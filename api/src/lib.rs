@@ -22,6 +22,7 @@ pub mod printable;
 pub mod problem;
 pub mod prune;
 pub mod quantity;
+pub mod queue;
 #[expect(dead_code, reason = "the types exist for their schemas alone")]
 mod solver_documents;
 pub mod study;

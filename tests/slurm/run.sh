@@ -16,72 +16,16 @@ if [[ -z $roost ]]; then
     roost=$PWD/target/debug/roost
 fi
 
-here=$(mktemp -d)
-chmod 711 "$here"
-daemons=()
-finish() {
-    local status=$?
-    scancel --quiet --signal=KILL --full "${arrays[@]}" 2>> "$here/scancel.log" || true
-    if ((${#daemons[@]})); then
-        kill "${daemons[@]}" 2> /dev/null || true
-        wait "${daemons[@]}" 2> /dev/null || true
-    fi
-    if ((status)); then echo "failed; logs are in $here" >&2; else rm -rf "$here"; fi
-}
+source tests/slurm/cluster.sh
 arrays=()
-trap finish EXIT
-
-# --- Slurm: one node of as many processors as allocations run at once, whatever the machine has -------------------------
-mkdir -m 755 "$here/munge" "$here/state" "$here/spool"
-head -c 1024 /dev/urandom > "$here/munge/key"
-chmod 600 "$here/munge/key"
-munged --foreground --force --key-file="$here/munge/key" --socket="$here/munge/socket" --pid-file="$here/munge/pid" \
-    --log-file="$here/munge/log" --seed-file="$here/munge/seed" > "$here/munged.log" 2>&1 &
-daemons+=($!)
-export SLURM_CONF=$here/slurm.conf
-host=$(hostname -s)
-cat > "$SLURM_CONF" << END
-ClusterName=roost
-SlurmctldHost=$host(127.0.0.1)
-SlurmctldPort=${SLURMCTLD_PORT:-26817}
-SlurmdPort=${SLURMD_PORT:-26818}
-CommunicationParameters=NoInAddrAny,NoCtldInAddrAny
-SlurmUser=root
-AuthType=auth/munge
-AuthInfo=socket=$here/munge/socket
-CredType=cred/munge
-ProctrackType=${PROCTRACK:-proctrack/linuxproc}
-TaskPlugin=task/none
-MpiDefault=none
-SelectType=select/cons_tres
-SelectTypeParameters=CR_CPU
-SlurmdParameters=config_overrides
-SchedulerParameters=sched_interval=1,batch_sched_delay=0
-ReturnToService=2
-StateSaveLocation=$here/state
-SlurmdSpoolDir=$here/spool
-SlurmctldPidFile=$here/slurmctld.pid
-SlurmdPidFile=$here/slurmd.pid
-SlurmctldLogFile=$here/slurmctld.log
-SlurmdLogFile=$here/slurmd.log
-NodeName=$host NodeAddr=127.0.0.1 CPUs=$at_once State=UNKNOWN
-PartitionName=main Nodes=$host Default=YES MaxTime=INFINITE State=UP
-END
-until [[ -S $here/munge/socket ]]; do kill -0 "${daemons[0]}"; sleep 0.1; done
-slurmctld -D > "$here/slurmctld.out" 2>&1 &
-daemons+=($!)
-slurmd -D -N "$host" > "$here/slurmd.out" 2>&1 &
-daemons+=($!)
-until sinfo --noheader --format=%t 2> /dev/null | grep --quiet idle; do
-    kill -0 "${daemons[@]}"
-    sleep 0.5
-done
+before_end() { scancel --quiet --signal=KILL --full "${arrays[@]}" 2>> "$here/scancel.log" || true; }
+start_slurm "$at_once"
 
 # --- the server ------------------------------------------------------------------------------------------------------
 export ROOST_SERVER=http://127.0.0.1:${PORT:-7395} ROOST_STATE=$here/worker
 "$roost" serve --listen "${ROOST_SERVER#http://}" --data "$here/data" --max-steps 1000000000 > "$here/serve.log" 2>&1 &
 daemons+=($!)
-until curl --silent --fail --output /dev/null "$ROOST_SERVER/healthz"; do kill -0 "${daemons[3]}"; sleep 0.2; done
+until curl --silent --fail --output /dev/null "$ROOST_SERVER/healthz"; do kill -0 "${daemons[-1]}"; sleep 0.2; done
 PATH=$(dirname "$roost"):$PATH
 if [[ $(command -v roost) != "$roost" ]]; then
     mkdir "$here/bin"

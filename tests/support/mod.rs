@@ -4,6 +4,7 @@
 
 pub(crate) mod flaky;
 pub(crate) mod proxy;
+pub(crate) mod slurm;
 pub(crate) mod small_disk;
 pub(crate) mod stl;
 pub(crate) mod wall_clock;

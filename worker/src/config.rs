@@ -36,6 +36,8 @@ pub struct WorkerConfig {
     pub slots: Slots,
     /// Time that a stopping worker gives its jobs before it releases them.
     pub drain_grace: Duration,
+    /// Time without a job after which the worker ends; it waits for ever without one.
+    pub idle_timeout: Option<Duration>,
     /// Time that a claim waits at the server for work.
     pub claim_wait: Duration,
 }
@@ -53,6 +55,7 @@ impl WorkerConfig {
             outbox_key: None,
             slots: Slots::Auto,
             drain_grace: Duration::ZERO,
+            idle_timeout: None,
             claim_wait: Duration::from_secs(20),
         }
     }

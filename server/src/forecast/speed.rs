@@ -59,6 +59,15 @@ impl Speed {
         quantile(&self.ratios, 0.5)
     }
 
+    /// The range of the ratio of one run: it holds the true one in 80 % of the cases.
+    pub(crate) fn range(&self) -> (f64, f64) {
+        if self.runs() < FEW {
+            let factor = (0.5 * DECILES * self.spread).exp();
+            return (self.median() / factor, self.median() * factor);
+        }
+        (quantile(&self.ratios, 0.1), quantile(&self.ratios, 0.9))
+    }
+
     /// The common factor of one future.
     pub(super) fn level(&self, random: &mut Random) -> f64 {
         let known = self.runs().max(1);

@@ -1,4 +1,4 @@
-//! Forecasts of jobs, sweeps, studies, and of documents that are not submitted.
+//! Forecasts of jobs, sweeps, studies, and of documents that are not submitted; the depth of the queue.
 
 use std::time::Duration;
 
@@ -8,6 +8,7 @@ use roost_api::forecast::{Forecast, RunRange};
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::Needs;
 use roost_api::problem::Problem;
+use roost_api::queue::QueueDepth;
 use roost_api::study::{Driver, StudySpec, StudyState};
 use roost_api::validate::ValidationReport;
 use serde_json::{Value, json};
@@ -108,6 +109,13 @@ async fn study_forecast(app: &App, stored: &StoredStudy) -> Result<Forecast, Api
         return Ok(Forecast { waiting: app.sweep_forecast(&sweep).await?.waiting, ..made });
     }
     Ok(app.forecast_of(&sweep, runs_left).await?)
+}
+
+/// Shows the number of queued jobs by needs, beside the workers that could claim them.
+#[utoipa::path(get, path = "/v1/queue/depth", tag = "jobs", operation_id = "queue_depth",
+    responses((status = 200, description = "The depth of the queue", body = QueueDepth)))]
+pub(crate) async fn of_queue(State(app): State<App>) -> Result<Json<QueueDepth>, ApiError> {
+    Ok(Json(app.queue_depth().await?))
 }
 
 /// Checks a study without submitting it, and forecasts its runs, processor time and time of completion as ranges.

@@ -115,6 +115,7 @@ fn routes(
         .routes(routes!(jobs::show))
         .routes(routes!(forecasts::of_job))
         .routes(routes!(forecasts::of_sweep))
+        .routes(routes!(forecasts::of_queue))
         .routes(routes!(forecasts::of_study))
         .routes(routes!(forecasts::validate_study))
         .routes(routes!(results::result))

@@ -287,7 +287,7 @@ impl AppState {
     }
 
     /// The speed by finished runs of the sweep where there are enough, else of the backends, else a guess.
-    async fn speed(
+    pub(super) async fn speed(
         &self,
         view: &FarmView,
         sweep: Option<SweepId>,

@@ -12,6 +12,7 @@ mod mesh_cache;
 mod metrics;
 mod partial_uploads;
 mod progress;
+mod queue_depth;
 mod samples;
 mod slots;
 mod submission_turns;

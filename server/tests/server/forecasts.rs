@@ -141,6 +141,55 @@ async fn a_job_starts_after_those_before_it() {
     server.stop().await;
 }
 
+#[tokio::test]
+async fn the_depth_of_the_queue_counts_jobs_by_needs() {
+    let (server, _dir) = lease_of_a_minute().await;
+    let path = "/v1/queue/depth";
+    let empty = server.get(path).await.expect(StatusCode::OK);
+    assert_eq!((&empty["queued"], &empty["total"], &empty["by_needs"]), (&json!(0), &json!(0), &json!([])));
+    let sweep = server.post("/v1/sweeps", &sweep(12)).await.expect(StatusCode::CREATED);
+    for seed in 1..=3 {
+        let mut job = envelope(seed);
+        job["needs"] = json!({"backend": "gpu", "memory_mib": 4000});
+        server.submit(&job).await;
+    }
+    let depth = until(&server, path, |depth| depth["queued"] == 15).await;
+    let jobs = |depth: &Value| -> Vec<(Value, u64)> {
+        let groups = depth["by_needs"].as_array().unwrap().iter();
+        groups.map(|group| (group["needs"]["backend"].clone(), group["jobs"].as_u64().unwrap())).collect()
+    };
+    assert_eq!(jobs(&depth), [(Value::Null, 12), (json!("gpu"), 3)]);
+    let guess = &depth["by_needs"][0];
+    assert_eq!(
+        (&guess["workers"], &guess["slots"], &guess["finished_runs"]),
+        (&json!(0), &json!(0), &json!(0))
+    );
+    let time_s = |group: &Value, end: &str| group["job_time"][end].as_f64().unwrap();
+    assert!(time_s(guess, "longest_s") > 2.0 * time_s(guess, "shortest_s"), "a wide guess: {guess}");
+
+    let worker = server.worker("cpu").await;
+    for _ in 0..6 {
+        let attempt = worker.claim_one().await;
+        tokio::time::sleep(Duration::from_millis(200)).await;
+        worker.deliver(&attempt).await.expect(StatusCode::OK);
+    }
+    worker.claim_one().await;
+    let depth = until(&server, path, |depth| depth["queued"] == 8 && depth["running"] == 1).await;
+    assert_eq!((jobs(&depth), &depth["total"]), (vec![(Value::Null, 5), (json!("gpu"), 3)], &json!(9)));
+    let known = &depth["by_needs"][0];
+    assert_eq!((&known["workers"], &known["slots"], &known["free_slots"]), (&json!(1), &json!(1), &json!(0)));
+    assert_eq!(known["finished_runs"], 6);
+    let (low_s, high_s) = (time_s(known, "shortest_s"), time_s(known, "longest_s"));
+    assert!(low_s > 0.15 && high_s < 2.0, "runs of 0.2 s: {low_s} to {high_s} s");
+    assert_eq!(depth["by_needs"][1]["workers"], 0, "no worker has a GPU");
+
+    let pause = server.post(&format!("/v1/sweeps/{}/pause", text(&sweep["id"])), &json!({})).await;
+    pause.expect(StatusCode::OK);
+    let paused = until(&server, path, |depth| depth["queued"] == 3).await;
+    assert_eq!(jobs(&paused), [(json!("gpu"), 3)]);
+    server.stop().await;
+}
+
 fn question(level: f64, max_runs: u64) -> Value {
     json!({"name": "gate", "base": scenario(1),
            "factors": [{"pointer": "/equipment/gate_opening_m", "low": 0.03, "high": 0.09}],

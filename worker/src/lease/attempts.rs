@@ -1,6 +1,7 @@
 //! The attempts that this worker holds, from the claim until the server has confirmed the delivery.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard};
 
 use roost_api::Progress;
@@ -27,12 +28,26 @@ struct Entry {
 
 /// The attempts by job and number. No method blocks.
 #[derive(Debug, Default)]
-pub(super) struct LeasedAttempts(Mutex<BTreeMap<AttemptKey, Entry>>);
+pub(super) struct LeasedAttempts {
+    held: Mutex<BTreeMap<AttemptKey, Entry>>,
+    begun: AtomicU64,
+}
 
 impl LeasedAttempts {
     pub(super) fn insert(&self, key: AttemptKey, run: &Run) {
         let (progress, recorder, stop) = (run.progress.clone(), run.recorder.clone(), run.stop.clone());
         self.lock().insert(key, Entry { progress, recorder, stop, sent: SentSamples::default() });
+        self.begun.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Number of attempts so far.
+    pub(super) fn begun(&self) -> u64 {
+        self.begun.load(Ordering::Relaxed)
+    }
+
+    /// Whether none is held.
+    pub(super) fn is_empty(&self) -> bool {
+        self.lock().is_empty()
     }
 
     pub(super) fn remove(&self, key: AttemptKey) {
@@ -87,7 +102,7 @@ impl LeasedAttempts {
     }
 
     fn lock(&self) -> MutexGuard<'_, BTreeMap<AttemptKey, Entry>> {
-        self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+        self.held.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 }
 

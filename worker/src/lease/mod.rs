@@ -7,6 +7,7 @@ mod deliver;
 mod fills;
 mod frames;
 mod heartbeat;
+mod idle;
 mod sent_samples;
 mod session;
 #[cfg(test)]
@@ -43,21 +44,25 @@ pub enum WorkerError {
     /// The server's address is invalid, or the registration failed.
     #[error(transparent)]
     Client(#[from] ClientError),
+    /// The server did not answer for the idle timeout.
+    #[error("the server {0} did not answer within the idle timeout")]
+    Unanswered(String),
     /// The server refuses this worker.
     #[error("the server refuses this worker: {0}")]
     Refused(String),
 }
 
-/// Runs a worker until `shutdown` is cancelled or the server asks it to drain. It waits for a server that does not answer, before the first
+/// Runs a worker until `shutdown` is cancelled, the server asks it to drain, or it has been idle for its timeout. It waits for a server that does not answer, before the first
 /// job and during one.
 ///
 /// # Errors
-/// When the state directory cannot be used, the address is invalid, or the server refuses the worker.
+/// When the state directory cannot be used, the address is invalid, the server refuses the worker, or it does not answer for the idle timeout.
 pub async fn work(config: WorkerConfig, shutdown: CancellationToken) -> Result<(), WorkerError> {
     let session = Arc::new(Session::open(config, &shutdown)?);
     let welcome = tokio::select! {
         () = shutdown.cancelled() => return Ok(()),
         welcome = session.register() => welcome?,
+        () = idle_timeout(&session) => return Err(WorkerError::Unanswered(session.config.server.clone())),
     };
     tokio::select! {
         () = shutdown.cancelled() => return Ok(()),
@@ -80,6 +85,10 @@ pub async fn work(config: WorkerConfig, shutdown: CancellationToken) -> Result<(
         let session = session.clone();
         async move { heartbeat::run(&session, &welcome).await }
     });
+    let idle = session.config.idle_timeout.map(|timeout| {
+        let session = session.clone();
+        tokio::spawn(async move { idle::run(&session, timeout).await })
+    });
     let deliveries = tokio::spawn({
         let (session, runs_over) = (session.clone(), runs_over.clone());
         async move { deliver::run(&session, &runs_over).await }
@@ -93,9 +102,20 @@ pub async fn work(config: WorkerConfig, shutdown: CancellationToken) -> Result<(
 
     grace.abort();
     beats.abort();
+    if let Some(idle) = idle {
+        idle.abort();
+    }
     match session.refusal() {
         Some(reason) => Err(WorkerError::Refused(reason.clone())),
         None => Ok(()),
+    }
+}
+
+/// Waits for the idle timeout; for ever without one.
+async fn idle_timeout(session: &Session) {
+    match session.config.idle_timeout {
+        Some(timeout) => tokio::time::sleep(timeout).await,
+        None => std::future::pending().await,
     }
 }
 

@@ -1,0 +1,246 @@
+//! Options of `roost pool slurm`, and their limits.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::Result;
+use roost_terminal::BadInput;
+use roost_worker::Slots;
+
+use super::rule::Limits;
+use crate::interval::time;
+use crate::target;
+use crate::work::slots;
+
+/// Time of a worker after its grace: storing checkpoints and delivering results.
+const HAND_BACK: Duration = Duration::from_secs(10);
+
+/// Submit workers to Slurm while queued jobs need them
+///
+/// Runs in the foreground on any machine that has `sbatch`; the server may be elsewhere. Each allocation is a batch job that runs
+/// `roost work` and ends when it has had no job for --idle-timeout. A minute before its time limit, and on scancel or preemption,
+/// workers store checkpoints and hand their jobs back. Ctrl-C or SIGTERM ends the pool and leaves its allocations; the same command
+/// adopts them. The token needs the scopes `read` and `worker`.
+#[derive(Debug, clap::Args)]
+pub(super) struct SlurmArgs {
+    #[command(flatten)]
+    pub(super) server: target::Server,
+    /// Maximum number of allocations that wait in Slurm's queue, 1 to 1000
+    #[arg(long, default_value_t = 4, value_name = "N", value_parser = number::<1000>)]
+    pub(super) backlog: u32,
+    /// Maximum number of workers in all allocations, 1 to 100000
+    #[arg(long, default_value_t = 64, value_name = "N", value_parser = number::<100_000>)]
+    pub(super) max_workers: u32,
+    /// Workers of an allocation, 1 to 1024; they share its processors on one node
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = number::<1024>)]
+    pub(super) workers_per_alloc: u32,
+    /// A worker exits after so long without a job
+    #[arg(long, default_value = "5m", value_name = "TIME", value_parser = time)]
+    pub(super) idle_timeout: Duration,
+    /// Time limit of an allocation, 1m to 168h; Slurm rounds it up to minutes
+    #[arg(long, default_value = "1h", value_name = "TIME", value_parser = time_limit)]
+    pub(super) time_limit: Duration,
+    /// Queued jobs that present workers start within this time need no allocation
+    #[arg(long, default_value = "1m", value_name = "TIME", value_parser = time)]
+    pub(super) start_within: Duration,
+    /// Jobs of each worker at the same time: `auto`, or a number of 1 to 1024, as for `roost work`
+    #[arg(long, default_value = "auto", value_name = "N", value_parser = slots)]
+    pub(super) slots: Slots,
+    /// Seconds for running jobs to finish after Slurm's signal, before they are handed back; keep it 10 s below Slurm's KillWait
+    #[arg(long, default_value_t = 10, value_name = "SECONDS", value_parser = grace)]
+    pub(super) grace: u64,
+    /// Time between two looks at the queue and at Slurm
+    #[arg(long, default_value = "10s", value_name = "TIME", value_parser = time)]
+    pub(super) interval: Duration,
+    /// First pause after 3 failures in a row; it doubles with each further failure, up to 1h
+    #[arg(long, default_value = "1m", value_name = "TIME", value_parser = time)]
+    pub(super) retry_pause: Duration,
+    /// Folder for the pool's memory, logs and undelivered results. Compute nodes must reach it [default: `pool` in the state folder of
+    /// `roost work`]
+    #[arg(long, value_name = "DIR")]
+    pub(super) state: Option<PathBuf>,
+    /// The roost binary on compute nodes [default: this one]
+    #[arg(long, value_name = "FILE")]
+    pub(super) roost: Option<PathBuf>,
+    /// Cancel all allocations when the pool ends
+    #[arg(long)]
+    pub(super) cancel_on_exit: bool,
+    /// Print the batch script, the command and the decision of one look; submit nothing
+    #[arg(long)]
+    pub(super) dry_run: bool,
+    /// Options for sbatch, such as --partition=gpu --gres=gpu:1
+    #[arg(last = true, value_name = "SBATCH OPTIONS")]
+    pub(super) sbatch: Vec<String>,
+}
+
+/// Parses a number from 1 to a maximum.
+fn number<const MAX: u32>(text: &str) -> Result<u32, String> {
+    let found = text.parse().ok().filter(|number| (1..=MAX).contains(number));
+    found.ok_or_else(|| format!("write a number of 1 to {MAX}"))
+}
+
+/// Parses the grace of workers; the time limit may allow less.
+fn grace(text: &str) -> Result<u64, String> {
+    let found = text.parse().ok().filter(|seconds| *seconds <= 50);
+    found.ok_or_else(|| "write a number of seconds from 0 to 50".to_owned())
+}
+
+/// Parses the time limit of an allocation.
+fn time_limit(text: &str) -> Result<Duration, String> {
+    let found = time(text).ok().filter(|time| *time >= Duration::from_secs(60));
+    found.ok_or_else(|| "write a time from 1m to 168h, such as 60s, 30m or 24h".to_owned())
+}
+
+/// Long options of sbatch that the pool sets itself, and those that would break its accounts.
+const OWN_LONG: &[(&str, &str)] = &[
+    ("job-name", "the pool finds its allocations by their name"),
+    ("time", "use --time-limit"),
+    ("signal", "the pool sets it, so that workers hand their jobs back"),
+    ("array", "the pool submits one allocation at a time"),
+    ("parsable", "the pool sets it"),
+    ("requeue", "the pool submits a new allocation instead"),
+    ("no-requeue", "the pool sets it"),
+    ("wrap", "the pool writes the batch script"),
+    ("wait", "the pool watches its allocations itself"),
+    ("clusters", "run a pool on each cluster"),
+    ("test-only", "use --dry-run"),
+    ("cluster", "run a pool on each cluster"),
+    ("help", "see `man sbatch`"),
+    ("version", "see `man sbatch`"),
+];
+
+/// The same as short options.
+const OWN_SHORT: &[(char, &str)] = &[
+    ('J', "job-name"),
+    ('t', "time"),
+    ('a', "array"),
+    ('W', "wait"),
+    ('M', "clusters"),
+    ('V', "version"),
+    ('h', "help"),
+];
+
+impl SlurmArgs {
+    /// Checks what no option shows alone.
+    pub(super) fn check(&self) -> Result<()> {
+        if self.max_workers < self.workers_per_alloc {
+            let (max, each) = (self.max_workers, self.workers_per_alloc);
+            return bad(format!(
+                "invalid value '{max}' for '--max-workers': an allocation has {each} workers (--workers-per-alloc), so that {each} \
+                 to 100000 are allowed"
+            ));
+        }
+        let most = (self.warning() - HAND_BACK).as_secs();
+        if self.grace > most {
+            return bad(format!(
+                "invalid value '{}' for '--grace': 0 to {most} are allowed, since Slurm's signal comes {} s before the time limit, \
+                 and workers need {} s to hand their jobs back",
+                self.grace,
+                self.warning().as_secs(),
+                HAND_BACK.as_secs()
+            ));
+        }
+        check_sbatch(&self.sbatch).map_err(|why| BadInput(why).into())
+    }
+
+    /// Time between Slurm's signal and the time limit: a minute, and less in short allocations.
+    pub(super) fn warning(&self) -> Duration {
+        (self.time_limit / 4).clamp(Duration::from_secs(20), Duration::from_secs(60))
+    }
+
+    /// The limits of the decision.
+    pub(super) fn limits(&self) -> Limits {
+        Limits {
+            backlog: self.backlog,
+            max_workers: self.max_workers,
+            workers_per_alloc: self.workers_per_alloc,
+            start_within: self.start_within,
+            work_time: self.time_limit - self.warning(),
+            retry_pause: self.retry_pause,
+        }
+    }
+
+    /// The number of slots, if it is fixed.
+    pub(super) fn fixed_slots(&self) -> Option<u32> {
+        match self.slots {
+            Slots::Fixed(slots) => Some(slots as u32),
+            Slots::Auto => None,
+        }
+    }
+}
+
+fn bad(why: String) -> Result<()> {
+    Err(BadInput(why).into())
+}
+
+/// Refuses options that the pool sets itself, and words that sbatch would take for a script.
+fn check_sbatch(options: &[String]) -> Result<(), String> {
+    let mut may_be_value = false;
+    for option in options {
+        let refusal = if let Some(long) = option.strip_prefix("--") {
+            let name = long.split('=').next().unwrap_or_default();
+            may_be_value = !long.contains('=');
+            OWN_LONG.iter().find(|(own, _)| *own == name)
+        } else if let Some(short) = option.strip_prefix('-') {
+            may_be_value = short.chars().count() == 1;
+            let own = OWN_SHORT.iter().find(|(own, _)| short.starts_with(*own));
+            own.and_then(|(_, name)| OWN_LONG.iter().find(|(own, _)| own == name))
+        } else if may_be_value {
+            may_be_value = false;
+            None
+        } else {
+            return Err(format!(
+                "invalid value '{option}' after '--': only options for sbatch are allowed, such as --partition=gpu"
+            ));
+        };
+        if let Some((name, why)) = refusal {
+            return Err(format!(
+                "invalid value '{option}' after '--': --{name} is not allowed there ({why})"
+            ));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(options: &[&str]) -> Result<(), String> {
+        check_sbatch(&options.iter().map(|option| (*option).to_owned()).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn options_for_sbatch_pass_and_those_of_the_pool_do_not() {
+        for fine in [
+            &[][..],
+            &["--partition=gpu", "--gres=gpu:1"],
+            &["-p", "gpu", "--mem", "8G", "-c8", "--exclusive"],
+            &["--time-min=10"],
+        ] {
+            assert_eq!(check(fine), Ok(()), "{fine:?}");
+        }
+        for (bad, named) in [
+            (&["--partition=gpu", "--time=10"][..], "use --time-limit"),
+            (&["-t", "10"], "--time is not allowed"),
+            (&["-J", "mine"], "--job-name is not allowed"),
+            (&["--array=1-4"], "one allocation at a time"),
+            (&["--wrap", "true"], "writes the batch script"),
+            (&["-Mother"], "--clusters"),
+            (&["--partition=gpu", "job.sh"], "only options for sbatch"),
+            (&["-c8", "job.sh"], "'job.sh'"),
+            (&["job.sh"], "'job.sh'"),
+        ] {
+            assert!(check(bad).is_err_and(|why| why.contains(named)), "{bad:?}: {:?}", check(bad));
+        }
+    }
+
+    #[test]
+    fn a_time_limit_has_at_least_a_minute() {
+        assert_eq!(time_limit("60s"), Ok(Duration::from_secs(60)));
+        assert_eq!(time_limit("168h"), Ok(Duration::from_secs(604_800)));
+        for text in ["59s", "0", "169h", "1:00:00", ""] {
+            assert!(time_limit(text).is_err_and(|why| why.contains("1m to 168h")), "{text}");
+        }
+    }
+}
