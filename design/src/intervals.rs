@@ -21,7 +21,7 @@
 //! A few small values of a skewed response have a small mean and a small deviation at once, and a study that stops by width prefers them. An
 //! end at the distance t is therefore moved out to −h(−t, γ), where that is farther (Hall 1992, Journal of the Royal Statistical
 //! Society B 54, 221); h(y, γ) = 3/a·((1 + a(y − a/6))^⅓ − 1) with a = γ/√n is y without skewness. The skewness γ is taken half of its
-//! standard error, √(6/n), to the worse side. docs/proofs.md has the coverage.
+//! standard error, √(6/n), to the worse side. docs/accuracy.md has the coverage.
 
 use roost_stats::Sample;
 use serde::{Deserialize, Serialize};

@@ -67,7 +67,7 @@ fn branin_is_minimised_with_few_runs() {
 }
 
 #[test]
-#[ignore = "20 repetitions; their figures are in docs/proofs.md"]
+#[ignore = "20 repetitions; their figures are in docs/accuracy.md"]
 fn branin_is_minimised_in_many_studies() {
     assert_branin(20);
 }
@@ -170,7 +170,7 @@ fn a_noisy_constrained_toy_is_minimised_and_confirmed() {
 }
 
 #[test]
-#[ignore = "20 repetitions; their figures are in docs/proofs.md"]
+#[ignore = "20 repetitions; their figures are in docs/accuracy.md"]
 fn a_noisy_constrained_toy_is_minimised_in_many_studies() {
     assert_toy(20);
 }

@@ -103,7 +103,7 @@ fn intervals_cover_the_truth_in_studies_that_stop_by_themselves() {
 }
 
 #[test]
-#[ignore = "a quarter of an hour; its figures are in docs/proofs.md"]
+#[ignore = "a quarter of an hour; its figures are in docs/accuracy.md"]
 fn intervals_cover_the_truth_in_many_studies_that_stop_by_themselves() {
     assert_coverage_at_the_end(1000);
 }

@@ -122,11 +122,10 @@ fn addresses_and_names_agree() {
     assert_eq!(value(&read("maintenance.yaml"), "claimName: "), claim);
     // The scaler reads a number that the API has.
     let api = std::fs::read_to_string(deploy("../api.md")).unwrap();
-    if let Some((_, section)) = api.split_once("### GET /v1/queue/depth\n") {
-        let section = section.split("\n### ").next().unwrap();
-        let number = format!("\"{}\": ", value(&keda, "valueLocation: "));
-        assert!(section.contains(&number), "{number}");
-    }
+    let (_, section) = api.split_once("### GET /v1/queue/depth\n").unwrap();
+    let section = section.split("\n### ").next().unwrap();
+    let number = format!("\"{}\": ", value(&keda, "valueLocation: "));
+    assert!(section.contains(&number), "{number}");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 """Share of the range on the wrong side of a boundary found the common way: a Latin hypercube with replicates, and linear interpolation
 of the means (as scipy.interpolate.griddata does; the nearest point outside its hull). Of 10, 20, 40 and 80 replicates the best
-number counts. For docs/proofs.md.
+number counts. For docs/accuracy.md.
 
 The truths are those of two factors in design/src/tests/boundary/truths.rs.
 

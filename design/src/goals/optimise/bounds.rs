@@ -9,7 +9,7 @@
 //! A mean is below x̄ − h(−q, γ)·s/√n and above x̄ − h(q, γ)·s/√n (Hall 1992, Journal of the Royal Statistical Society B 54,
 //! 221). A few small values of a skewed response have a small mean and a small deviation at once, so that Student's bounds are
 //! too narrow on that side. On the other side they are the wider ones, and stay. Few values show less skewness than there
-//! is: γ is taken two of its standard errors, √(6/n) each, to the worse side. docs/proofs.md has the rates of error.
+//! is: γ is taken two of its standard errors, √(6/n) each, to the worse side. docs/accuracy.md has the rates of error.
 
 use roost_stats::Sample;
 use serde::{Deserialize, Serialize};

@@ -2,7 +2,7 @@
 //!
 //! The bootstrap draws whole rows with replacement and takes quantiles of the indices. The other interval has the standard
 //! error of the linearised index (delta method). With few rows each of them misses the truth too often. Their union, each at
-//! 98.5 %, holds it in at least 94 % of simulated designs from 64 rows on (`docs/proofs.md`).
+//! 98.5 %, holds it in at least 94 % of simulated designs from 64 rows on (`docs/accuracy.md`).
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};

@@ -161,7 +161,7 @@ fn intervals_of_sobol_indices_cover_the_truth() {
 }
 
 #[test]
-#[ignore = "longer designs; their figures are in docs/proofs.md"]
+#[ignore = "longer designs; their figures are in docs/accuracy.md"]
 fn intervals_of_longer_designs_cover_the_truth() {
     for known in [ishigami(), sobol_g()] {
         for (count, noise) in [(96, 0.0), (128, 0.3), (256, 0.0), (256, 1.0)] {

@@ -47,7 +47,7 @@ fn repeat(truth: &Truth, repetitions: u64, (max_runs, share): (usize, f64)) -> F
 }
 
 #[test]
-#[ignore = "an hour; its figures are in docs/proofs.md"]
+#[ignore = "an hour; its figures are in docs/accuracy.md"]
 fn band_holds_the_true_boundary() {
     let repetitions =
         std::env::var("ROOST_REPETITIONS").ok().and_then(|text| text.parse().ok()).unwrap_or(200);
@@ -85,7 +85,7 @@ fn latin_hypercube(truth: &Truth, points: usize, replicates: u32, random: &mut R
 }
 
 #[test]
-#[ignore = "half an hour; its figures are in docs/proofs.md"]
+#[ignore = "half an hour; its figures are in docs/accuracy.md"]
 fn a_latin_hypercube_needs_more_runs() {
     let repetitions =
         std::env::var("ROOST_REPETITIONS").ok().and_then(|text| text.parse().ok()).unwrap_or(40);
