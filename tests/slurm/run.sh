@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Workers under scancel: a Slurm of one node on loopback, a server, and allocations of deploy/workers.slurm.sh that are cancelled
-# while they run jobs. Every job must be handed back: its attempt `released`, the job in the queue.
+# while they run jobs. Every job must be handed back with a checkpoint: its attempt `preempted`, the job in the queue.
 #
 #   tests/slurm/run.sh          20 allocations, five at a time; some three minutes
 #   SCRIPT=… ROOST=… tests/slurm/run.sh     another batch script, another binary
@@ -84,7 +84,7 @@ for ((round = 1; round <= rounds; round++)); do
     "$roost" cancel "$sweep" > /dev/null
 done
 echo "$((rounds * at_once)) allocations cancelled in $((SECONDS - began)) s; attempts: $(outcomes)"
-((rounds == 0)) || [[ $(outcomes) == "$((rounds * at_once)) released" ]]
+((rounds == 0)) || [[ $(outcomes) == "$((rounds * at_once)) preempted" ]]
 
 # The time limit: TERM comes a minute before it, at Slurm's leisure up to two.
 sweep=$(submit 1 1)
@@ -92,4 +92,4 @@ start 1 "$sweep" --time=3
 limited=$SECONDS
 empty
 echo "time limit: gone after $((SECONDS - limited)) s; $(jobs_in "$sweep" queued) of 1 job in the queue; attempts: $(outcomes)"
-[[ $(outcomes) == "$((rounds * at_once + 1)) released" ]]
+[[ $(outcomes) == "$((rounds * at_once + 1)) preempted" ]]
