@@ -24,7 +24,7 @@ pub struct TrialRow {
     /// Levels by JSON pointer.
     #[schema(value_type = Object)]
     pub factors: Map<String, Value>,
-    /// Parameters that the trial drew from a posterior, by JSON pointer; left out in any other sweep.
+    /// Parameters that the trial drew from a posterior, by JSON pointer; left out in any other sweep, and for runs of studies.
     #[serde(default, skip_serializing_if = "Map::is_empty")]
     #[schema(value_type = Object)]
     pub parameters: Map<String, Value>,

@@ -2,7 +2,7 @@
 //!
 //! For each running study it reads the trials, decides on a thread of its own, and stores proposals and answer in one transaction. A
 //! decision depends on the stored rows alone, so that a server that was killed goes on as if nothing had happened. No claim or result
-//! waits for a decision, and a study with slow decisions does not hold up another one.
+//! waits for a decision, and one study with slow decisions does not hold up the others.
 
 use std::collections::{HashMap, HashSet};
 use std::time::Duration;
@@ -135,8 +135,11 @@ async fn decide(
         return Ok(before);
     }
     let _place = places.acquire().await;
-    // Runs may have ended while the decision waited for its place.
+    // Runs may have ended while the decision waited for its place, or the study was paused.
     let Some((stored, tally)) = with_tally(app, id).await? else { return Ok(None) };
+    if stored.state != StudyState::Running {
+        return Ok(None);
+    }
     let mut trials = app.store.trials_of(id, 0..u32::MAX).await?;
     let observations = app.store.observations(id).await?;
     let present = stored.present()?;

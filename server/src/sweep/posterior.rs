@@ -152,9 +152,11 @@ pub(super) fn faults(draws: &PosteriorDraws, complete: Option<&Value>, varied: &
     }
     for (index, parameter) in parameters.iter().enumerate() {
         let at = format!("{at}/parameters/{index}");
-        let is_number = |complete: &Value| {
-            fields::find(parameter).is_some() && complete.pointer(parameter).is_some_and(Value::is_number)
-        };
+        // A field, or a number of a list that is a field.
+        let list = parameter.rsplit_once('/').and_then(|(list, _)| fields::find(list));
+        let is_known = fields::find(parameter).or(list).is_some();
+        let is_number =
+            |complete: &Value| is_known && complete.pointer(parameter).is_some_and(Value::is_number);
         if complete.is_some_and(|complete| !is_number(complete)) {
             let allowed = "the pointer of a number of the scenario, such as /material/youngs_modulus_pa";
             faults.push(fault(&at, json!(parameter), "no number of the scenario", allowed));

@@ -8,11 +8,11 @@ import { colour, panel, transparent } from "../plot.js";
 /** @param {import("./pictures.js").PictureInput} input */
 export function calibratePictures({ factors, axisLabel }) {
   const samples = panel("Parameters", { is_wide: true, size: "tall-plot", empty_text: "Too few runs have ended." });
-  const compared = panel("Simulated and measured", { is_wide: true, empty_text: "Too few runs have ended." });
+  const compared = panel("Simulated and measured", { is_wide: true, empty_text: "No single number was measured, or too few runs have ended." });
   const curves = panel("Simulated and measured curves", { is_wide: true, empty_text: "No curve was measured, or too few runs have ended." });
   return [
     { card: samples.card, draw: (/** @type {CalibrateFinding} */ found) => samples.draw(() => (found.parameters.length > 0 ? samplesPlot(found, factors) : null)) },
-    { card: compared.card, draw: (/** @type {CalibrateFinding} */ found) => compared.draw(() => (found.targets.some((row) => row.simulated) ? comparedPlot(found) : null)) },
+    { card: compared.card, draw: (/** @type {CalibrateFinding} */ found) => compared.draw(() => (comparedOf(found).length > 0 ? comparedPlot(found) : null)) },
     { card: curves.card, draw: (/** @type {CalibrateFinding} */ found) => curves.draw(() => (curvesOf(found).length > 0 ? curvesPlot(curvesOf(found), axisLabel) : null)) },
   ];
 }
@@ -50,10 +50,16 @@ function samplesPlot({ parameters, samples }, factors) {
   };
 }
 
+/**
+ * The numbers beside curves that were measured and simulated.
+ * @param {CalibrateFinding} found
+ */
+const comparedOf = ({ targets }) => targets.filter(({ simulated, target }) => simulated && target.mean !== 0 && !target.curve);
+
 /** @param {CalibrateFinding} found @returns {Plot} */
-function comparedPlot({ targets }) {
+function comparedPlot(found) {
   const title = (/** @type {TargetAgreement} */ { target }) => `${target.test}: ${Object.values(target.of)[0]}`;
-  const rows = targets.filter(({ simulated, target }) => simulated && target.mean !== 0 && !target.curve), y = rows.map(title);
+  const rows = comparedOf(found), y = rows.map(title);
   const bars = (/** @type {number[]} */ width, thickness = 2) => ({ type: "data", array: width, thickness, width: 0 });
   const relative = rows.map(({ simulated, target }) => ["mean", "low", "high"].map((name) => /** @type {any} */ (simulated)[name] / target.mean));
   return {
@@ -66,7 +72,7 @@ function comparedPlot({ targets }) {
       { title: "Number", cell: title }, { title: "Measured", is_number: true, cell: ({ target }) => number(target.mean) }, { title: "Standard deviation", is_number: true, cell: ({ target }) => number(target.deviation) }, { title: "n", is_number: true, cell: ({ target }) => number(target.n) },
       { title: "Simulated", is_number: true, cell: ({ simulated }) => number(simulated?.mean ?? null) }, { title: "95 % interval", is_number: true, cell: ({ simulated }) => (simulated ? `${number(simulated.low)} to ${number(simulated.high)}` : "–") },
       { title: "Distance in standard deviations", is_number: true, cell: ({ distance }) => number(distance) },
-    ], targets),
+    ], found.targets),
   };
 }
 

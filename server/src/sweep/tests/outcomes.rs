@@ -237,7 +237,10 @@ fn a_parquet_file_equals_the_table() {
         trial(2, 0, json!({"/a": 3, "/w": "wet"}), json!({})),
     ];
     (trials[2].state, trials[2].failure_class) = (JobState::Failed, Some(FailureClass::Lost));
-    let names = ["/a".to_owned(), "/w".to_owned()];
+    for (trial, drawn) in trials.iter_mut().zip([0.25, 0.5, 0.75]) {
+        trial.parameters.insert("/p".to_owned(), json!(drawn));
+    }
+    let (names, drawn) = (["/a".to_owned(), "/w".to_owned()], ["/p".to_owned()]);
     let response = |(name, has_numbers, has_words): (&str, bool, bool)| Response {
         name: name.to_owned(),
         has_numbers,
@@ -245,11 +248,11 @@ fn a_parquet_file_equals_the_table() {
     };
     let responses =
         [("n", true, false), ("ok", false, true), ("t", false, false), ("y", true, false)].map(response);
-    let bytes = to_parquet(of_trials(&names, &[], &responses, &trials)).unwrap();
+    let bytes = to_parquet(of_trials(&names, &drawn, &responses, &trials)).unwrap();
     for batch in [1, 2] {
-        let mut columns = of_trials(&names, &[], &responses, &[]);
+        let mut columns = of_trials(&names, &drawn, &responses, &[]);
         for trials in trials.chunks(batch) {
-            let more = of_trials(&names, &[], &responses, trials);
+            let more = of_trials(&names, &drawn, &responses, trials);
             columns.iter_mut().zip(more).for_each(|(column, more)| column.extend(more));
         }
         assert!(to_parquet(columns).unwrap() == bytes, "in pieces of {batch}");
@@ -266,6 +269,7 @@ fn a_parquet_file_equals_the_table() {
         "seed",
         "/a",
         "/w",
+        "/p",
         "state",
         "failure_class",
         "backend",
@@ -279,14 +283,15 @@ fn a_parquet_file_equals_the_table() {
     assert_eq!(rows[1].get_string(0).unwrap(), &trials[1].job_id.to_string());
     assert_eq!((rows[1].get_long(1).unwrap(), rows[1].get_long(4).unwrap()), (1, 2));
     assert_eq!(rows[1].get_string(5).unwrap(), "wet");
-    assert_eq!((rows[0].get_long(10).unwrap(), rows[1].get_bool(11).unwrap()), (3, false));
+    assert_eq!(rows[1].get_double(6).unwrap(), 0.5, "drawn by this trial");
+    assert_eq!((rows[0].get_long(11).unwrap(), rows[1].get_bool(12).unwrap()), (3, false));
     assert_eq!(
-        (rows[0].get_double(13).unwrap(), rows[1].get_double(13).unwrap()),
+        (rows[0].get_double(14).unwrap(), rows[1].get_double(14).unwrap()),
         (2.5, 4.0),
         "mixed numbers"
     );
-    assert!(rows[2].get_double(13).is_err() && rows[0].get_double(12).is_err(), "null is null");
-    assert_eq!(rows[2].get_string(7).unwrap(), "lost");
+    assert!(rows[2].get_double(14).is_err() && rows[0].get_double(13).is_err(), "null is null");
+    assert_eq!(rows[2].get_string(8).unwrap(), "lost");
 
     let csv = String::from_utf8(
         csv(&of_points(&names, &responses, &by_point(&trials, None), false), true).unwrap(),
