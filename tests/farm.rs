@@ -16,6 +16,9 @@ const JOB_DURATION_S: f64 = 10.0;
 
 /// Maximum time from SIGTERM to the exit.
 const SIGTERM_TIMEOUT: Duration = Duration::from_secs(5);
+/// The same of a worker whose server does not answer, as deploy/README.md says: 3 s to store a checkpoint and 5 s to deliver, and a second
+/// for its claim.
+const UNREACHABLE_TIMEOUT: Duration = Duration::from_secs(9);
 
 #[test]
 fn sweep_is_submitted_and_its_table_downloaded() {
@@ -165,7 +168,7 @@ fn sigterm_returns_the_job_and_both_processes_exit_cleanly() {
     // A worker exits even if it cannot return its job.
     idle.terminate();
     let (status, took) = idle.wait();
-    assert!(status.success() && took < SIGTERM_TIMEOUT, "{status} after {took:?}");
+    assert!(status.success() && took < UNREACHABLE_TIMEOUT, "{status} after {took:?}");
 }
 
 #[test]
