@@ -14,10 +14,15 @@ pub(super) fn range(quantity: &Quantity, low: f64, high: f64) -> String {
     format!("{} to {}", digits(low), number(quantity, high))
 }
 
-/// A number to four digits.
+/// A number to four digits; from 100,000 on with an exponent.
 pub(super) fn digits(number: f64) -> String {
     if number == 0.0 || !number.is_finite() {
         return number.to_string();
+    }
+    if number.abs() >= 1e5 {
+        let text = format!("{number:.3e}");
+        let (digits, exponent) = text.split_once('e').unwrap_or((&text, "0"));
+        return format!("{}e{exponent}", digits.trim_end_matches('0').trim_end_matches('.'));
     }
     let places = (3 - number.abs().log10().floor() as i32).clamp(0, 12) as usize;
     let text = format!("{number:.places$}");
@@ -58,5 +63,26 @@ pub(super) fn list(items: &[String]) -> String {
         [] => String::new(),
         [only] => only.clone(),
         [first @ .., last] => format!("{} and {last}", first.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_four_digits() {
+        let pairs = [
+            (0.0, "0"),
+            (0.034_853, "0.03485"),
+            (12.0, "12"),
+            (99_999.0, "99999"),
+            (1e6, "1e6"),
+            (2_592_016.0, "2.592e6"),
+            (-300_000.0, "-3e5"),
+        ];
+        for (number, text) in pairs {
+            assert_eq!(digits(number), text);
+        }
     }
 }

@@ -44,7 +44,7 @@ function samplesPlot({ parameters, samples }, factors) {
     table: () => table("Parameters with their 95 % intervals", [
       { title: "Parameter", cell: (row) => factors[parameters.indexOf(row)].label }, { title: "Mean", is_number: true, cell: ({ estimate }) => number(estimate.mean) },
       { title: "95 % interval", is_number: true, cell: ({ estimate }) => `${number(estimate.low)} to ${number(estimate.high)}` }, { title: "Most probable set", is_number: true, cell: ({ best }) => number(best) },
-      { title: "Remaining share of the prior's deviation", is_number: true, cell: ({ remaining }) => number(remaining) },
+      { title: "Share of the uncertainty before the tests", is_number: true, cell: ({ remaining }) => number(remaining) },
     ], parameters),
     note: "Every dot is a set of parameters that agrees with the measurements, as often as it is probable.",
   };

@@ -34,10 +34,10 @@ pub(super) fn sentences(finding: &CalibrateAnswer) -> Vec<String> {
     for found in &finding.parameters {
         let quantity = Quantity::of_field(&found.parameter);
         let Interval { mean, low, high } = found.estimate;
-        let percent = digits((100.0 * found.remaining).round());
-        let little = if found.remaining > LITTLE { "; the tests say little of it" } else { "" };
+        let percent = digits((100.0 * found.remaining).round().min(100.0));
+        let little = if found.remaining > LITTLE { " The tests say little of it." } else { "" };
         sentences.push(format!(
-            "{} is {} (95 %: {}), which leaves {percent} % of the prior's standard deviation{little}.",
+            "{} is {} (95 %: {}), with {percent} % of the uncertainty before the tests.{little}",
             capital(&quantity.name),
             number(&quantity, mean),
             range(&quantity, low, high),
