@@ -120,6 +120,9 @@ fn bad_input_names_option_value_and_range() {
     assert_eq!(output.status.code(), Some(2));
 }
 
+    let output = roost().args(["pool", "list"]).env("ROOST_STATE", &empty).output().unwrap();
+    let folder = empty.join("pool").display().to_string();
+    assert!(stderr(&output).contains(&folder), "the state folder of `roost work`: {}", transcript(&output));
 #[test]
 fn allocations_run_all_jobs_and_end_when_idle() {
     let (sandbox, slurm) = cluster();
