@@ -212,7 +212,7 @@ mod tests {
 
     #[test]
     fn a_short_allocation_is_warned_later() {
-        let short = submission(&["--time-limit", "60s"]);
-        assert!(short.command().contains(" --time=0:01:00 --signal=B:TERM@20 "), "{}", short.command());
+        let short = submission(&["--time-limit", "3m"]);
+        assert!(short.command().contains(" --time=0:03:00 --signal=B:TERM@45 "), "{}", short.command());
     }
 }
