@@ -46,6 +46,7 @@ async fn decide_always(app: &App) {
         tokio::select! {
             Some((id, outcome)) = decisions.next() => {
                 busy.remove(&id);
+                let outcome: Result<Option<Tally>, StoreError> = outcome;
                 match outcome {
                     Ok(Some(tally)) => drop(seen.insert(id, tally)),
                     Ok(None) => {}
