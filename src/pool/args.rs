@@ -197,7 +197,8 @@ fn check_sbatch(options: &[String]) -> Result<(), String> {
     let mut words = options.iter().peekable();
     while let Some(word) = words.next() {
         if let Some(long) = word.strip_prefix("--") {
-            let (name, value) = long.split_once('=').map_or((long, None), |(name, value)| (name, Some(value)));
+            let (name, value) =
+                long.split_once('=').map_or((long, None), |(name, value)| (name, Some(value)));
             check_long(word, name, value)?;
             if value.is_none() && words.peek().is_some_and(|next| !next.starts_with("--")) {
                 return Err(refused(
@@ -236,7 +237,10 @@ fn short_wants_value(word: &str, group: &str) -> Result<bool, String> {
             return Ok(at + letter.len_utf8() == group.len());
         }
         if !SHORT_FLAGS.contains(letter) {
-            return Err(refused(word, &format!("-{letter} is unknown here, so write the long name of the option")));
+            return Err(refused(
+                word,
+                &format!("-{letter} is unknown here, so write the long name of the option"),
+            ));
         }
     }
     Ok(false)
