@@ -21,6 +21,8 @@ fn pool(sandbox: &Sandbox, slurm: &FakeSlurm, arguments: &[&str]) -> Command {
     let mut command = roost();
     command.args(["pool", "slurm", "--server", &sandbox.address, "--interval", "1s", "--idle-timeout", "2s"]);
     command.arg("--state").arg(sandbox.path("pool")).args(arguments).env("PATH", slurm.path());
+    // Variables of the user that would hide jobs, or submit several.
+    command.env("SQUEUE_PARTITION", "other").env("SBATCH_ARRAY_INX", "1-4").env("SLURM_CLUSTERS", "other");
     command
 }
 
@@ -88,10 +90,10 @@ fn bad_input_names_option_value_and_range() {
         (&["--max-workers", "many"], &["--max-workers", "'many'", "1 to 100000"]),
         (&["--workers-per-alloc", "2000"], &["--workers-per-alloc", "'2000'", "1 to 1024"]),
         (&["--max-workers", "2", "--workers-per-alloc", "4"], &["--max-workers", "'2'", "4 to 100000"]),
-        (&["--time-limit", "30s"], &["--time-limit", "'30s'", "from 1m to 168h"]),
+        (&["--time-limit", "60s"], &["--time-limit", "'60s'", "from 3m to 168h"]),
         (&["--idle-timeout", "0"], &["--idle-timeout", "'0'", "from 1s to 168h"]),
         (&["--grace", "55"], &["--grace", "'55'", "0 to 50"]),
-        (&["--grace", "30", "--time-limit", "60s"], &["--grace", "'30'", "0 to 10"]),
+        (&["--grace", "40", "--time-limit", "3m"], &["--grace", "'40'", "0 to 35"]),
         (&["--slots", "0"], &["--slots", "'0'", "1 to 1024"]),
         (&["--", "--time=10"], &["'--time=10'", "use --time-limit"]),
         (&["--", "job.sh"], &["'job.sh'", "--partition=gpu"]),
@@ -118,6 +120,9 @@ fn bad_input_names_option_value_and_range() {
     let output = roost().args(["pool", "list", "--state"]).arg(&empty).output().unwrap();
     assert!(stderr(&output).contains("no pool has used the folder"), "{}", transcript(&output));
     assert_eq!(output.status.code(), Some(2));
+    let output = roost().args(["pool", "list"]).env("ROOST_STATE", &empty).output().unwrap();
+    let folder = empty.join("pool").display().to_string();
+    assert!(stderr(&output).contains(&folder), "the state folder of `roost work`: {}", transcript(&output));
 }
 
 #[test]
@@ -184,7 +189,8 @@ fn repeated_failures_pause_the_pool_and_the_list_says_why() {
     let _server = sandbox.start_server();
     submit_sweep(&sandbox, &slow_scenario(600.0), 6);
     slurm.set("refuse", Some("invalid partition specified: gpu"));
-    let running = start(&sandbox, &slurm, "pool", &["--retry-pause", "5s"]);
+    let options = ["--retry-pause", "5s", "--roost", "/no/such/roost"];
+    let running = start(&sandbox, &slurm, "pool", &options);
     let ledger =
         wait_until("it pauses", || Some(list(&sandbox)).filter(|list| list["paused_until"].is_string()));
     assert_eq!(ledger["failures"]["in_a_row"], 3);
@@ -194,7 +200,7 @@ fn repeated_failures_pause_the_pool_and_the_list_says_why() {
     // Slurm takes it now, but the binary is not there: the trial fails, and the next pause is longer.
     slurm.set("refuse", None);
     running.kill();
-    let running = start(&sandbox, &slurm, "again", &["--retry-pause", "5s", "--roost", "/no/such/roost"]);
+    let running = start(&sandbox, &slurm, "again", &options);
     let ledger = wait_until("the trial fails", || {
         Some(list(&sandbox)).filter(|list| list["failures"]["in_a_row"] == 4 && !states(list).is_empty())
     });
@@ -203,9 +209,14 @@ fn repeated_failures_pause_the_pool_and_the_list_says_why() {
     assert!(why.starts_with("allocation 101 failed before its worker had registered: "), "{why}");
     assert!(why.contains("/no/such/roost"), "the last line of its log: {why}");
     running.kill();
-    // The cause is gone: the first worker ends the pause.
-    let running = start(&sandbox, &slurm, "mended", &["--retry-pause", "1s"]);
-    wait_until("it submits again", || (list(&sandbox)["failures"]["in_a_row"] == 0).then_some(()));
+    // With a corrected option the pool submits at once.
+    let running = start(&sandbox, &slurm, "mended", &["--retry-pause", "1h"]);
+    wait_until("a worker registers", || {
+        let list = list(&sandbox);
+        let is_registered = |one: &Value| one["registered"] == true;
+        list["allocations"].as_array().unwrap().iter().any(is_registered).then_some(())
+    });
+    assert_eq!(list(&sandbox)["failures"]["in_a_row"], 0);
     running.terminate();
     assert!(running.wait().0.success());
 }
@@ -241,6 +252,92 @@ fn several_workers_share_an_allocation() {
     assert!(running.wait().0.success());
     wait_until("both are handed back", || (count(&sandbox, &sweep, "queued") == 2).then_some(()));
     assert_eq!(slurm.all("state"), ["CANCELLED"]);
+}
+
+/// Slurm signals the batch shell alone before the time limit: each worker must hand its job back.
+fn hand_back_before_the_time_limit(workers: u32) {
+    let (sandbox, slurm) = cluster();
+    let _server = sandbox.start_server_with(&["--lease-s", "60"]);
+    let sweep = submit_sweep(&sandbox, &slow_scenario(600.0), workers);
+    let number = workers.to_string();
+    let arguments = ["--workers-per-alloc", &number, "--max-workers", &number, "--grace", "0"];
+    let running = start(&sandbox, &slurm, "pool", &arguments);
+    wait_until("all jobs run", || (count(&sandbox, &sweep, "running") == u64::from(workers)).then_some(()));
+    wait_until("all workers have registered", || {
+        let list = list(&sandbox);
+        let found = list["allocations"][0]["workers"].as_array().map_or(0, Vec::len);
+        (found == workers as usize).then_some(())
+    });
+    slurm.set("hold", Some(""));
+    slurm.signal_batch_shells();
+    wait_until("all are handed back", || {
+        (count(&sandbox, &sweep, "queued") == u64::from(workers)).then_some(())
+    });
+    let preempted = format!(r#"roost_attempts_total{{outcome="preempted"}} {workers}"#);
+    assert!(sandbox.text("/metrics").contains(&preempted));
+    wait_until("the next one waits", || (states(&list(&sandbox)) == ["completed", "waiting"]).then_some(()));
+    running.terminate();
+    assert!(running.wait().0.success());
+}
+
+#[test]
+fn a_worker_hands_its_job_back_before_the_time_limit() {
+    hand_back_before_the_time_limit(1);
+}
+
+#[test]
+fn several_workers_hand_their_jobs_back_before_the_time_limit() {
+    hand_back_before_the_time_limit(2);
+}
+
+#[test]
+fn allocations_are_forgotten_only_when_slurm_does_not_know_their_ids() {
+    let (sandbox, slurm) = cluster();
+    let _server = sandbox.start_server();
+    submit_sweep(&sandbox, &slow_scenario(600.0), 6);
+    slurm.set("hold", Some(""));
+    let running = start(&sandbox, &slurm, "pool", &["--backlog", "2", "--retry-pause", "1h"]);
+    wait_until("two wait", || (states(&list(&sandbox)) == ["waiting"; 2]).then_some(()));
+    for hidden in ["unnamed", "purged"] {
+        slurm.set(hidden, Some(""));
+        for _ in 0..2 {
+            let before = list(&sandbox)["updated_at"].clone();
+            wait_until("another look", || (list(&sandbox)["updated_at"] != before).then_some(()));
+        }
+        assert_eq!(states(&list(&sandbox)), ["waiting"; 2], "{hidden}");
+        assert_eq!(slurm.all("state").len(), 2, "{hidden}");
+    }
+    // Slurm loses every allocation: the pool must not submit without end.
+    slurm.set("lost", Some(""));
+    let ledger =
+        wait_until("it pauses", || Some(list(&sandbox)).filter(|list| list["paused_until"].is_string()));
+    assert_eq!(states(&ledger), ["forgotten"; 6], "two in each of three looks");
+    let why = ledger["failures"]["why"].as_str().unwrap();
+    assert!(why.ends_with("is unknown to Slurm, and its worker had not registered"), "{why}");
+    running.terminate();
+    assert!(running.wait().0.success());
+}
+
+#[test]
+fn a_pool_that_is_to_end_submits_no_more_and_cancels_even_what_it_did_not_record() {
+    let (sandbox, slurm) = cluster();
+    let _server = sandbox.start_server();
+    submit_sweep(&sandbox, &slow_scenario(600.0), 30);
+    slurm.set("hold", Some(""));
+    slurm.set("slow", Some(""));
+    let running = start(&sandbox, &slurm, "pool", &["--backlog", "20", "--cancel-on-exit"]);
+    wait_until("it submits", || (!slurm.all("state").is_empty()).then_some(()));
+    running.terminate();
+    assert!(running.wait().0.success());
+    let states = slurm.all("state");
+    assert!(states.len() <= 3 && states.iter().all(|state| state == "CANCELLED"), "{states:?}");
+    // It cannot store its state any more.
+    slurm.set("slow", None);
+    let running = start(&sandbox, &slurm, "again", &["--cancel-on-exit", "--backlog", "1"]);
+    wait_until("it submits", || slurm.all("state").contains(&"PENDING".to_owned()).then_some(()));
+    std::fs::rename(sandbox.path("pool"), sandbox.path("moved")).unwrap();
+    assert!(!running.wait().0.success());
+    assert!(slurm.all("state").iter().all(|state| state == "CANCELLED"), "{:?}", slurm.all("state"));
 }
 
 #[test]

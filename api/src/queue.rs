@@ -18,7 +18,7 @@ pub struct QueueDepth {
     pub total: u64,
     /// The queued jobs by their needs, the largest number first.
     pub by_needs: Vec<NeedsDepth>,
-    /// When it was made.
+    /// When the server read the queue and the workers. It may be some seconds ago: workers that have registered since are not counted.
     #[schema(value_type = String, format = DateTime)]
     pub made_at: Timestamp,
 }

@@ -15,6 +15,9 @@ use crate::work::slots;
 /// Time of a worker after its grace: storing checkpoints and delivering results.
 const HAND_BACK: Duration = Duration::from_secs(10);
 
+/// Slurm may send its signal a minute early. A shorter allocation could get it before its worker has started.
+const MIN_TIME_LIMIT: Duration = Duration::from_secs(180);
+
 /// Submit workers to Slurm while queued jobs need them
 ///
 /// Runs in the foreground on any machine that has `sbatch`; the server may be elsewhere. Each allocation is a batch job that runs
@@ -37,7 +40,7 @@ pub(super) struct SlurmArgs {
     /// A worker exits after so long without a job
     #[arg(long, default_value = "5m", value_name = "TIME", value_parser = time)]
     pub(super) idle_timeout: Duration,
-    /// Time limit of an allocation, 1m to 168h; Slurm rounds it up to minutes
+    /// Time limit of an allocation, 3m to 168h; Slurm rounds it up to minutes
     #[arg(long, default_value = "1h", value_name = "TIME", value_parser = time_limit)]
     pub(super) time_limit: Duration,
     /// Queued jobs that present workers start within this time need no allocation
@@ -68,7 +71,7 @@ pub(super) struct SlurmArgs {
     /// Print the batch script, the command and the decision of one look; submit nothing
     #[arg(long)]
     pub(super) dry_run: bool,
-    /// Options for sbatch, such as --partition=gpu --gres=gpu:1
+    /// Options for sbatch, such as --partition=gpu --gres=gpu:1; write values of long options after `=`
     #[arg(last = true, value_name = "SBATCH OPTIONS")]
     pub(super) sbatch: Vec<String>,
 }
@@ -87,8 +90,8 @@ fn grace(text: &str) -> Result<u64, String> {
 
 /// Parses the time limit of an allocation.
 fn time_limit(text: &str) -> Result<Duration, String> {
-    let found = time(text).ok().filter(|time| *time >= Duration::from_secs(60));
-    found.ok_or_else(|| "write a time from 1m to 168h, such as 60s, 30m or 24h".to_owned())
+    let found = time(text).ok().filter(|time| *time >= MIN_TIME_LIMIT);
+    found.ok_or_else(|| "write a time from 3m to 168h, such as 180s, 30m or 24h".to_owned())
 }
 
 /// Long options of sbatch that the pool sets itself, and those that would break its accounts.
@@ -105,7 +108,11 @@ const OWN_LONG: &[(&str, &str)] = &[
     ("clusters", "run a pool on each cluster"),
     ("test-only", "use --dry-run"),
     ("cluster", "run a pool on each cluster"),
+    ("nodes", "an allocation is on one node"),
+    ("output", "the pool reads the log"),
+    ("export", "workers need the environment of the pool; --export=ALL,NAME=VALUE adds to it"),
     ("help", "see `man sbatch`"),
+    ("usage", "see `man sbatch`"),
     ("version", "see `man sbatch`"),
 ];
 
@@ -116,9 +123,18 @@ const OWN_SHORT: &[(char, &str)] = &[
     ('a', "array"),
     ('W', "wait"),
     ('M', "clusters"),
+    ('N', "nodes"),
+    ('o', "output"),
     ('V', "version"),
     ('h', "help"),
+    ('u', "usage"),
 ];
+
+/// Other short options of sbatch without a value: a group such as `-Qs` may have several.
+const SHORT_FLAGS: &str = "HkOQsv";
+
+/// Other short options of sbatch with a value, which may be the next word.
+const SHORT_WITH_VALUE: &str = "AbBcCdDeFGiLmnpqSwx";
 
 impl SlurmArgs {
     /// Checks what no option shows alone.
@@ -145,7 +161,7 @@ impl SlurmArgs {
 
     /// Time between Slurm's signal and the time limit: a minute, and less in short allocations.
     pub(super) fn warning(&self) -> Duration {
-        (self.time_limit / 4).clamp(Duration::from_secs(20), Duration::from_secs(60))
+        (self.time_limit / 4).min(Duration::from_secs(60))
     }
 
     /// The limits of the decision.
@@ -174,32 +190,64 @@ fn bad(why: String) -> Result<()> {
 }
 
 /// Refuses options that the pool sets itself, and words that sbatch would take for a script.
+///
+/// sbatch reads its options with getopt_long. An unambiguous beginning of a long name is enough, and a group has several short options.
+/// The next word may be a value, so that a word after a long option alone is not allowed.
 fn check_sbatch(options: &[String]) -> Result<(), String> {
-    let mut may_be_value = false;
-    for option in options {
-        let refusal = if let Some(long) = option.strip_prefix("--") {
-            let name = long.split('=').next().unwrap_or_default();
-            may_be_value = !long.contains('=');
-            OWN_LONG.iter().find(|(own, _)| *own == name)
-        } else if let Some(short) = option.strip_prefix('-') {
-            may_be_value = short.chars().count() == 1;
-            let own = OWN_SHORT.iter().find(|(own, _)| short.starts_with(*own));
-            own.and_then(|(_, name)| OWN_LONG.iter().find(|(own, _)| own == name))
-        } else if may_be_value {
-            may_be_value = false;
-            None
+    let mut words = options.iter().peekable();
+    while let Some(word) = words.next() {
+        if let Some(long) = word.strip_prefix("--") {
+            let (name, value) =
+                long.split_once('=').map_or((long, None), |(name, value)| (name, Some(value)));
+            check_long(word, name, value)?;
+            if value.is_none() && words.peek().is_some_and(|next| !next.starts_with("--")) {
+                return Err(refused(
+                    word,
+                    "write its value after '=', as in --partition=gpu, or write it after all short options",
+                ));
+            }
+        } else if let Some(group) = word.strip_prefix('-').filter(|group| !group.is_empty()) {
+            if short_wants_value(word, group)? {
+                words.next();
+            }
         } else {
-            return Err(format!(
-                "invalid value '{option}' after '--': only options for sbatch are allowed, such as --partition=gpu"
-            ));
-        };
-        if let Some((name, why)) = refusal {
-            return Err(format!(
-                "invalid value '{option}' after '--': --{name} is not allowed there ({why})"
-            ));
+            return Err(refused(word, "only options for sbatch are allowed, such as --partition=gpu"));
         }
     }
     Ok(())
+}
+
+/// Checks a long option. Each beginning of a name of the pool counts as this name, whether sbatch finds it unambiguous or not.
+fn check_long(word: &str, name: &str, value: Option<&str>) -> Result<(), String> {
+    let adds_to_all = value.is_some_and(|value| value.split(',').any(|part| part == "ALL"));
+    let is_own = |own: &str| own.starts_with(name) && !(own == "export" && name == own && adds_to_all);
+    match OWN_LONG.iter().find(|(own, _)| is_own(own)) {
+        Some((own, why)) => Err(refused(word, &format!("--{own} is not allowed there ({why})"))),
+        None => Ok(()),
+    }
+}
+
+/// Checks a group of short options. Returns whether the next word is the value of its last one.
+fn short_wants_value(word: &str, group: &str) -> Result<bool, String> {
+    for (at, letter) in group.char_indices() {
+        if let Some((_, name)) = OWN_SHORT.iter().find(|(own, _)| *own == letter) {
+            return check_long(word, name, None).map(|()| false);
+        }
+        if SHORT_WITH_VALUE.contains(letter) {
+            return Ok(at + letter.len_utf8() == group.len());
+        }
+        if !SHORT_FLAGS.contains(letter) {
+            return Err(refused(
+                word,
+                &format!("-{letter} is unknown here, so write the long name of the option"),
+            ));
+        }
+    }
+    Ok(false)
+}
+
+fn refused(word: &str, why: &str) -> String {
+    format!("invalid value '{word}' after '--': {why}")
 }
 
 #[cfg(test)]
@@ -215,8 +263,10 @@ mod tests {
         for fine in [
             &[][..],
             &["--partition=gpu", "--gres=gpu:1"],
-            &["-p", "gpu", "--mem", "8G", "-c8", "--exclusive"],
-            &["--time-min=10"],
+            &["-p", "gpu", "--mem=8G", "-c8", "--exclusive"],
+            &["--time-min=10", "--exclusive", "--hold"],
+            &["-HQpgpuJatWMVhNo", "-p", "--wrap=x"],
+            &["--export=ALL", "--export=ALL,A=1", "--export-file=a"],
         ] {
             assert_eq!(check(fine), Ok(()), "{fine:?}");
         }
@@ -230,17 +280,41 @@ mod tests {
             (&["--partition=gpu", "job.sh"], "only options for sbatch"),
             (&["-c8", "job.sh"], "'job.sh'"),
             (&["job.sh"], "'job.sh'"),
+            // Beginnings of long names.
+            (&["--job=x"], "--job-name is not allowed"),
+            (&["--arr=1-4"], "--array is not allowed"),
+            (&["--no"], "is not allowed"),
+            (&["--"], "is not allowed"),
+            // Groups of short options.
+            (&["-HJx"], "--job-name is not allowed"),
+            (&["-Qt10"], "--time is not allowed"),
+            (&["-QsW"], "--wait is not allowed"),
+            (&["-Hz"], "-z is unknown here"),
+            // A word that is a value or a script.
+            (&["--exclusive", "job.sh"], "write its value after '='"),
+            (&["--comment", "-p", "job.sh"], "write its value after '='"),
+            (&["--mem", "8G"], "write its value after '='"),
+            (&["-p", "gpu", "job.sh"], "'job.sh'"),
+            (&["-"], "only options for sbatch"),
+            (&["-Q", ":"], "only options for sbatch"),
+            (&["--nodes=2"], "on one node"),
+            (&["-N2"], "--nodes is not allowed"),
+            (&["--output=a.log"], "reads the log"),
+            (&["-o", "a.log"], "--output is not allowed"),
+            (&["--export=NONE"], "the environment of the pool"),
+            (&["--export=HOME"], "the environment of the pool"),
+            (&["--exp=ALL"], "--export is not allowed"),
         ] {
             assert!(check(bad).is_err_and(|why| why.contains(named)), "{bad:?}: {:?}", check(bad));
         }
     }
 
     #[test]
-    fn a_time_limit_has_at_least_a_minute() {
-        assert_eq!(time_limit("60s"), Ok(Duration::from_secs(60)));
+    fn a_time_limit_has_at_least_three_minutes() {
+        assert_eq!(time_limit("180s"), Ok(Duration::from_secs(180)));
         assert_eq!(time_limit("168h"), Ok(Duration::from_secs(604_800)));
-        for text in ["59s", "0", "169h", "1:00:00", ""] {
-            assert!(time_limit(text).is_err_and(|why| why.contains("1m to 168h")), "{text}");
+        for text in ["179s", "1m", "0", "169h", "1:00:00", ""] {
+            assert!(time_limit(text).is_err_and(|why| why.contains("3m to 168h")), "{text}");
         }
     }
 }

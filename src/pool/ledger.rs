@@ -1,7 +1,9 @@
 //! The memory of a pool: its allocations and failures, in a file of the folder `--state`. A restart reads it and continues.
 
 use std::fs::{File, TryLockError};
+use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
+use std::thread::sleep;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
@@ -16,6 +18,15 @@ use super::rule::{Failures, WorkerKind};
 const SCHEMA: &str = "roost.pool/1";
 /// Ended allocations that the file keeps.
 const MAX_ENDED: usize = 200;
+/// Time after the first worker of an allocation, from which on the pool waits for no other worker of it.
+const ALL_REGISTER_WITHIN_MS: i64 = 120_000;
+/// A view of the server may lack a worker that registered this long before it.
+const VIEW_DELAY_MS: i64 = 1000;
+/// `pool list` holds the lock for a moment: a pool tries again so often, with a pause after each try.
+const LOCK_TRIES: u32 = 10;
+const LOCK_PAUSE: Duration = Duration::from_millis(100);
+/// Part of a log that is read: the end.
+const LOG_END_BYTES: u64 = 4096;
 
 /// The state of an allocation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -70,6 +81,21 @@ pub(super) struct Allocation {
     pub(super) reason: String,
     /// Whether one of its workers has registered.
     pub(super) registered: bool,
+    /// Whether the pool found it in Slurm, and does not know when it was submitted.
+    #[serde(default)]
+    pub(super) adopted: bool,
+    /// When its workers registered, by the server's clock.
+    #[serde(default)]
+    pub(super) workers: Vec<Timestamp>,
+    /// When the pool first saw one of its workers.
+    #[serde(default)]
+    pub(super) working_since: Option<Timestamp>,
+    /// Whether its workers have shown that they work. Each allocation ends the failures once at most.
+    #[serde(default)]
+    pub(super) proven: bool,
+    /// Whether the pool has asked Slurm to cancel it.
+    #[serde(default)]
+    pub(super) cancelled_by_pool: bool,
     /// When the pool submitted or adopted it.
     pub(super) submitted_at: Timestamp,
     /// When the pool first saw it run.
@@ -86,10 +112,21 @@ impl Allocation {
             state: AllocationState::Waiting,
             reason: String::new(),
             registered: false,
+            adopted: false,
+            workers: Vec::new(),
+            working_since: None,
+            proven: false,
+            cancelled_by_pool: false,
             submitted_at: now,
             started_at: None,
             ended_at: None,
         }
+    }
+
+    /// Whether workers of it may register that the pool has not seen yet.
+    pub(super) fn may_have_new_workers(&self, workers_per_alloc: u32, now: Timestamp) -> bool {
+        let is_late = self.working_since.is_some_and(|since| now.0 - since.0 > ALL_REGISTER_WITHIN_MS);
+        !is_late && self.workers.len() < workers_per_alloc as usize
     }
 }
 
@@ -103,6 +140,9 @@ pub(super) struct Ledger {
     pub(super) server: String,
     /// Options of `sbatch` from the user.
     pub(super) sbatch: Vec<String>,
+    /// The binary that the user named for compute nodes.
+    #[serde(default)]
+    pub(super) roost: Option<PathBuf>,
     /// Allocations in the order of submission.
     pub(super) allocations: Vec<Allocation>,
     /// Allocations submitted so far.
@@ -126,6 +166,7 @@ impl Ledger {
             name,
             server: String::new(),
             sbatch: Vec::new(),
+            roost: None,
             allocations: Vec::new(),
             submitted: 0,
             failures: Failures::default(),
@@ -154,20 +195,52 @@ impl Ledger {
         self.held().filter(is_one).count() as u32
     }
 
+    /// Number of working allocations that have not shown that they work.
+    pub(super) fn unproven(&self) -> u32 {
+        let working = self.held().filter(|one| one.state == AllocationState::Running && one.registered);
+        working.filter(|one| !one.proven).count() as u32
+    }
+
+    /// Number of workers in working allocations that a view of the server lacks: those that register after the view was made.
+    pub(super) fn unseen_workers(&self, workers_per_alloc: u32, view: Timestamp, now: Timestamp) -> u32 {
+        let unseen = |one: &Allocation| {
+            let is_in_view = |at: &&Timestamp| at.plus_ms(VIEW_DELAY_MS) <= view;
+            let seen = one.workers.iter().filter(is_in_view).count() as u32;
+            let known = one.workers.len() as u32;
+            let all =
+                if one.may_have_new_workers(workers_per_alloc, now) { workers_per_alloc } else { known };
+            all.saturating_sub(seen)
+        };
+        let working = self.held().filter(|one| one.state == AllocationState::Running && one.registered);
+        working.map(unseen).sum()
+    }
+
+    /// Notes that the pool asks Slurm to cancel allocations.
+    pub(super) fn note_cancelled(&mut self, ids: &[u64]) {
+        for one in self.allocations.iter_mut().filter(|one| ids.contains(&one.id)) {
+            one.cancelled_by_pool = true;
+        }
+    }
+
     /// The end of the pause after failures, if there is one.
     pub(super) fn paused_until(&self) -> Option<Timestamp> {
         self.failures.paused_until(Duration::from_secs(self.retry_pause_s))
     }
 
-    /// Removes the oldest ended allocations beyond the number to keep.
-    pub(super) fn forget_old(&mut self) {
+    /// Removes the oldest ended allocations beyond the number to keep. Returns their ids.
+    pub(super) fn forget_old(&mut self) -> Vec<u64> {
         let ended = self.allocations.len() - self.held().count();
         let mut excess = ended.saturating_sub(MAX_ENDED);
+        let mut removed = Vec::new();
         self.allocations.retain(|one| {
             let is_removed = excess > 0 && !one.state.is_held();
-            excess -= usize::from(is_removed);
+            if is_removed {
+                excess -= 1;
+                removed.push(one.id);
+            }
             !is_removed
         });
+        removed
     }
 }
 
@@ -186,7 +259,14 @@ impl Folder {
         std::fs::create_dir_all(logs(path)).with_context(unusable)?;
         let path = path.canonicalize().with_context(unusable)?;
         let lock = File::create(lock_file(&path)).with_context(unusable)?;
-        match lock.try_lock() {
+        let mut taken = lock.try_lock();
+        for _ in 1..LOCK_TRIES {
+            if matches!(taken, Err(TryLockError::WouldBlock)) {
+                sleep(LOCK_PAUSE);
+                taken = lock.try_lock();
+            }
+        }
+        match taken {
             Ok(()) => Ok(Self { path, _lock: lock }),
             Err(TryLockError::WouldBlock) => Err(BadInput(format!(
                 "another pool runs on the folder {}: name another one with --state",
@@ -200,6 +280,24 @@ impl Folder {
     /// The folder itself, as an absolute path.
     pub(super) fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// The last line with text in the log of an allocation.
+    pub(super) fn last_log_line(&self, id: u64) -> Option<String> {
+        let mut file = File::open(log_file(&self.path, &id.to_string())).ok()?;
+        let length = file.metadata().ok()?.len();
+        file.seek(SeekFrom::Start(length.saturating_sub(LOG_END_BYTES))).ok()?;
+        let mut end = Vec::new();
+        file.take(LOG_END_BYTES).read_to_end(&mut end).ok()?;
+        let line = last_line(&String::from_utf8_lossy(&end)).to_owned();
+        Some(line).filter(|line| !line.is_empty())
+    }
+
+    /// Removes the logs of allocations that the ledger has forgotten. Logs that are not there, or stay, do no harm.
+    pub(super) fn remove_logs(&self, ids: &[u64]) {
+        for id in ids {
+            let _ = std::fs::remove_file(log_file(&self.path, &id.to_string()));
+        }
     }
 
     /// Stores the ledger.
@@ -239,8 +337,18 @@ pub(super) fn is_in_use(folder: &Path) -> bool {
 }
 
 /// The folder of the logs of allocations.
-pub(super) fn logs(folder: &Path) -> PathBuf {
+fn logs(folder: &Path) -> PathBuf {
     folder.join("logs")
+}
+
+/// The log of an allocation.
+pub(super) fn log_file(folder: &Path, id: &str) -> PathBuf {
+    logs(folder).join(format!("{id}.log"))
+}
+
+/// The last line with text.
+pub(super) fn last_line(text: &str) -> &str {
+    text.lines().map(str::trim).rfind(|line| !line.is_empty()).unwrap_or_default()
 }
 
 fn ledger_file(folder: &Path) -> PathBuf {
@@ -292,9 +400,59 @@ mod tests {
             let state = if id % 2 == 0 { AllocationState::Completed } else { AllocationState::Running };
             ledger.allocations.push(Allocation { state, ..Allocation::waiting(id, Timestamp(0)) });
         }
-        ledger.forget_old();
+        let removed = ledger.forget_old();
         assert_eq!((ledger.allocations.len(), ledger.held().count()), (450, 250));
+        assert_eq!((removed.len(), removed[0], removed[49]), (50, 0, 98));
         assert_eq!(ledger.allocations[0].id, 1, "the oldest ended one is gone");
         assert_eq!(ledger.running(false), 250);
+    }
+
+    #[test]
+    fn a_moment_of_pool_list_keeps_no_pool_out() {
+        let parent = tempfile::tempdir().unwrap();
+        drop(Folder::open(parent.path()).unwrap());
+        let list = File::open(lock_file(parent.path())).unwrap();
+        list.lock_shared().unwrap();
+        let release = std::thread::spawn(move || {
+            sleep(Duration::from_millis(300));
+            drop(list);
+        });
+        Folder::open(parent.path()).unwrap();
+        release.join().unwrap();
+    }
+
+    #[test]
+    fn logs_are_read_at_their_end_and_removed_with_their_allocation() {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = Folder::open(parent.path()).unwrap();
+        let write = |id: &str, text: &[u8]| std::fs::write(log_file(folder.path(), id), text).unwrap();
+        write("7", b"first\nlast \xff line\n\n");
+        assert_eq!(folder.last_log_line(7).unwrap(), "last \u{fffd} line");
+        write("8", &[&[b'x'; 100_000][..], b"\nlast\n"].concat());
+        assert_eq!(folder.last_log_line(8).unwrap(), "last");
+        assert_eq!(folder.last_log_line(9), None);
+        folder.remove_logs(&[7, 9]);
+        assert_eq!((folder.last_log_line(7), folder.last_log_line(8)), (None, Some("last".to_owned())));
+    }
+
+    #[test]
+    fn workers_that_a_view_lacks_count_as_coming() {
+        let mut ledger = Ledger::new(String::new(), Timestamp(0));
+        let workers = vec![Timestamp(10_000), Timestamp(20_000)];
+        ledger.allocations.push(Allocation {
+            state: AllocationState::Running,
+            registered: true,
+            working_since: Some(Timestamp(21_000)),
+            workers,
+            ..Allocation::waiting(7, Timestamp(0))
+        });
+        let unseen = |per_alloc, view, now| ledger.unseen_workers(per_alloc, Timestamp(view), Timestamp(now));
+        assert_eq!(unseen(2, 9_000, 22_000), 2, "the view is older than both");
+        assert_eq!(unseen(2, 15_000, 22_000), 1);
+        assert_eq!(unseen(2, 20_500, 22_000), 1, "a registration may take a moment to show");
+        assert_eq!(unseen(2, 21_000, 22_000), 0);
+        assert_eq!(unseen(3, 21_000, 22_000), 1, "the third has not registered yet");
+        assert_eq!(unseen(3, 21_000, 142_000), 0, "it never will");
+        assert_eq!((ledger.unproven(), ledger.running(true)), (1, 1));
     }
 }

@@ -61,7 +61,8 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     }
 }
 
-/// The folder of a pool, if `--state` names none.
+/// The folder of a pool, if `--state` names none: in the state folder of `roost work`, by the same variable.
 fn default_state() -> PathBuf {
-    work::default_state().join("pool")
+    let named = std::env::var_os("ROOST_STATE").filter(|folder| !folder.is_empty());
+    named.map_or_else(work::default_state, PathBuf::from).join("pool")
 }

@@ -1,4 +1,4 @@
-//! The output of `squeue`, `sacct` and `sbatch`, in the forms that every version of Slurm prints: fields between bars.
+//! The output of `squeue`, `sacct`, `scontrol` and `sbatch`, in the forms that every version of Slurm prints: fields between bars.
 
 use super::ledger::AllocationState;
 
@@ -56,6 +56,18 @@ pub(super) fn sacct(text: &str) -> Vec<SlurmJob> {
         Some(SlurmJob { id, state, reason })
     };
     text.lines().filter_map(job).collect()
+}
+
+/// The job in the output of `scontrol --oneliner show job`; none in other texts.
+pub(super) fn scontrol(text: &str) -> Option<SlurmJob> {
+    // Fields that users write may have spaces, but they come later.
+    let field = |name: &str| {
+        let value = |word: &str| word.strip_prefix(name)?.strip_prefix('=').map(str::to_owned);
+        text.split_whitespace().find_map(value)
+    };
+    let (id, state) = (field("JobId")?, field("JobState")?);
+    let reason = field("Reason").filter(|reason| reason != "None").unwrap_or_default();
+    Some(SlurmJob { id: id.parse().ok()?, state: state_of(&state), reason })
 }
 
 /// The id in the output of `sbatch --parsable`: `17`, or `17;cluster`.
@@ -124,6 +136,15 @@ mod tests {
         ];
         assert_eq!(sacct(text), expected);
         assert_eq!(sacct("Slurm accounting storage is disabled\n"), []);
+    }
+
+    #[test]
+    fn scontrol_shows_a_job_in_one_line() {
+        let text = "JobId=17 JobName=roost-pool-1 UserId=me(1000) JobState=OUT_OF_MEMORY Reason=OutOfMemory Dependency=(null) \
+                    ExitCode=0:125 Comment=a JobState=b\n";
+        assert_eq!(scontrol(text), Some(job(17, Failed, "OutOfMemory")));
+        assert_eq!(scontrol("JobId=17 JobState=RUNNING Reason=None"), Some(job(17, Running, "")));
+        assert_eq!(scontrol("slurm_load_jobs error: Invalid job id specified\n"), None);
     }
 
     #[test]

@@ -100,6 +100,10 @@ pub(super) struct Look<'a> {
     pub(super) starting: u32,
     /// Number of allocations with registered workers.
     pub(super) working: u32,
+    /// Number of those that have not shown that their workers work.
+    pub(super) unproven: u32,
+    /// Workers of working allocations that the look at the queue lacks: they registered later.
+    pub(super) unseen_workers: u32,
     /// The pool's workers; none before the first one has registered.
     pub(super) worker: Option<&'a WorkerKind>,
     pub(super) failures: &'a Failures,
@@ -160,22 +164,24 @@ pub(super) fn decide(limits: &Limits, look: &Look<'_>) -> Decision {
     let is_trial = look.failures.in_a_row >= FAILURES_BEFORE_PAUSE;
     let slots = u64::from(look.worker.map_or(1, |worker| worker.slots.max(1)));
     let per_alloc = slots * u64::from(limits.workers_per_alloc);
-    let needed: u64 =
-        fitting(look.by_needs, look.worker).map(|group| slots_needed(group, limits.start_within)).sum();
-    let given = u64::from(coming) * per_alloc;
+    let needed = slots_needed(look.by_needs, look.worker, limits.start_within);
+    let given = u64::from(coming) * per_alloc + u64::from(look.unseen_workers) * slots;
     let within = seconds(limits.start_within);
     if needed == 0 {
         return none(format!("{}; the present workers start them within {within}", wait(jobs)));
     }
     if needed <= given {
-        let coming = counted(coming.into(), "allocation");
+        let coming = match coming {
+            0 => counted(look.unseen_workers.into(), "new worker"),
+            _ => counted(coming.into(), "allocation"),
+        };
         return none(format!("{}; {coming} will take them up", wait(jobs)));
     }
     let wanted = (needed - given).div_ceil(per_alloc);
     let of_backlog = limits.backlog.saturating_sub(waiting);
     let allocations = coming + look.working;
     let of_workers = (limits.max_workers / limits.workers_per_alloc).saturating_sub(allocations);
-    let of_trial = if is_trial { 1_u32.saturating_sub(coming) } else { u32::MAX };
+    let of_trial = if is_trial { 1_u32.saturating_sub(coming + look.unproven) } else { u32::MAX };
     let submit = wanted.min(of_backlog.min(of_workers).min(of_trial).into()) as u32;
     if submit > 0 {
         let trial = if is_trial { " (one, as a trial after failures)" } else { "" };
@@ -193,19 +199,43 @@ pub(super) fn decide(limits: &Limits, look: &Look<'_>) -> Decision {
     none(format!("{}; {limit}", wait(jobs)))
 }
 
-/// Slots that jobs need beyond the present ones to start within this time.
-fn slots_needed(group: &NeedsDepth, within: Duration) -> u64 {
-    let rounds = (within.as_secs_f64() / mean_s(group)).floor() as u64;
-    let busy = group.slots.saturating_sub(group.free_slots);
-    let started = group.free_slots.saturating_mul(rounds.max(1)).saturating_add(busy.saturating_mul(rounds));
-    group.jobs.saturating_sub(started).div_ceil(rounds.max(1))
+/// Slots that the jobs of this worker need beyond the present ones to start within this time.
+///
+/// A slot may meet several kinds of needs, and each job takes it from the others. Those with the fewest slots choose first: workers
+/// with more memory meet all that workers with less do.
+fn slots_needed(by_needs: &[NeedsDepth], worker: Option<&WorkerKind>, within: Duration) -> u64 {
+    let mut groups: Vec<&NeedsDepth> = by_needs.iter().collect();
+    groups.sort_by_key(|group| group.slots);
+    let (mut needed, mut taken) = (0, Vec::<(&Needs, u64, u64)>::new());
+    for group in groups {
+        let rounds = (within.as_secs_f64() / mean_s(group)).floor() as u64;
+        let shared = taken.iter().filter(|(needs, ..)| share_workers(needs, &group.needs));
+        let (taken_free, taken_busy) = shared
+            .fold((0_u64, 0_u64), |(free, busy), (_, more_free, more_busy)| {
+                (free + more_free, busy + more_busy)
+            });
+        let free = group.free_slots.saturating_sub(taken_free);
+        let busy = group.slots.saturating_sub(group.free_slots).saturating_sub(taken_busy);
+        let uses_free = free.min(group.jobs.div_ceil(rounds.max(1)));
+        let left = group.jobs.saturating_sub(free.saturating_mul(rounds.max(1)));
+        let uses_busy = if rounds == 0 { 0 } else { busy.min(left.div_ceil(rounds)) };
+        taken.push((&group.needs, uses_free, uses_busy));
+        if worker.is_none_or(|worker| worker.meets(&group.needs)) {
+            needed += left.saturating_sub(busy.saturating_mul(rounds)).div_ceil(rounds.max(1));
+        }
+    }
+    needed
 }
 
-/// Geometric mean of the range of a job's time, at least a millisecond.
+/// Whether a worker may meet both needs.
+fn share_workers(one: &Needs, other: &Needs) -> bool {
+    one.backend.is_none() || other.backend.is_none() || one.backend == other.backend
+}
+
+/// Geometric mean of the range of a job's time: a millisecond for an unknown time, and infinite for one without an end.
 fn mean_s(group: &NeedsDepth) -> f64 {
-    let time = group.job_time;
-    let mean_s = (time.shortest_s * time.longest_s).sqrt();
-    if mean_s.is_finite() { mean_s.max(1e-3) } else { 1e-3 }
+    // The larger of NaN and a number is the number.
+    (group.job_time.shortest_s * group.job_time.longest_s).sqrt().max(1e-3)
 }
 
 /// Subjects of warnings.

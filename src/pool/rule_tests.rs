@@ -44,6 +44,8 @@ fn look(by_needs: &[NeedsDepth]) -> Look<'_> {
         waiting: Vec::new(),
         starting: 0,
         working: 0,
+        unproven: 0,
+        unseen_workers: 0,
         worker: None,
         failures: &NO_FAILURES,
     }
@@ -85,6 +87,9 @@ fn jobs_that_present_workers_start_soon_need_no_allocation() {
         ..group(5, 1.0, 0, 0)
     };
     assert_eq!(submit(unknown), 1, "an unknown time counts as short");
+    assert_eq!(submit(group(5, 0.0, 0, 0)), 1, "and no time as well");
+    assert_eq!(submit(group(3, f64::INFINITY, 1, 1)), 2, "jobs without an end need a slot each");
+    assert_eq!(submit(group(3, f64::INFINITY, 3, 0)), 3, "a busy slot starts none of them");
 }
 
 #[test]
@@ -105,6 +110,51 @@ fn groups_of_needs_have_their_own_workers() {
     assert_eq!(fitting_jobs(&queue, Some(&small)), 12, "too little memory");
     let large = WorkerKind { memory_mib: Some(80_000), ..small };
     assert_eq!(fitting_jobs(&queue, Some(&large)), 15);
+}
+
+#[test]
+fn a_slot_is_given_to_one_kind_of_needs() {
+    let needs = |backend: Option<&str>, memory_mib, group| NeedsDepth {
+        needs: Needs { backend: backend.map(str::to_owned), memory_mib },
+        ..group
+    };
+    let submit = |queue: &[NeedsDepth]| decide(&LIMITS, &look(queue)).submit;
+    let small = needs(None, None, group(2, 600.0, 2, 2));
+    let large = needs(None, Some(4000), group(2, 600.0, 2, 2));
+    assert_eq!(submit(std::slice::from_ref(&small)), 0);
+    assert_eq!(submit(&[small.clone(), large]), 2, "both kinds need the same two slots");
+    let one_large = needs(None, Some(4000), group(1, 600.0, 1, 1));
+    assert_eq!(submit(&[small, one_large]), 1, "the one with more memory takes the large job");
+    let (cpu, gpu) =
+        (needs(Some("cpu"), None, group(2, 600.0, 2, 2)), needs(Some("gpu"), None, group(2, 600.0, 2, 2)));
+    assert_eq!(submit(&[cpu, gpu]), 0, "a worker has one backend");
+    // A busy slot starts two jobs of 30 s within the minute, of one kind.
+    let busy = |memory_mib| needs(None, memory_mib, group(2, 30.0, 1, 0));
+    assert_eq!(submit(&[busy(None), busy(Some(4000))]), 1);
+}
+
+#[test]
+fn workers_that_the_look_lacks_are_counted_as_coming() {
+    let (queue, kind) = ([group(5, 600.0, 0, 0)], worker(2));
+    let base = Look { worker: Some(&kind), working: 2, ..look(&queue) };
+    assert_eq!(decide(&LIMITS, &base).submit, 3, "as if the working ones had no slot");
+    assert_eq!(
+        decide(&LIMITS, &Look { unseen_workers: 2, ..base.clone() }).submit,
+        1,
+        "four slots are to come"
+    );
+    let decision = decide(&LIMITS, &Look { unseen_workers: 3, ..base });
+    assert_eq!((decision.submit, decision.why.as_str()), (0, "5 jobs wait; 3 new workers will take them up"));
+}
+
+#[test]
+fn a_trial_lasts_until_its_worker_has_shown_that_it_works() {
+    let failures = Failures { in_a_row: 3, last_at: Some(at(0)), why: "out of memory".to_owned() };
+    let queue = [group(100, 600.0, 1, 0)];
+    let submit = |working, unproven| {
+        decide(&LIMITS, &Look { working, unproven, failures: &failures, ..look(&queue) }).submit
+    };
+    assert_eq!((submit(0, 0), submit(1, 1), submit(1, 0)), (1, 0, 1));
 }
 
 #[test]

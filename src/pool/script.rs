@@ -1,6 +1,6 @@
 //! The batch script of an allocation, and the arguments of `sbatch`.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, Result};
 use roost_terminal::BadInput;
@@ -25,9 +25,17 @@ impl Submission {
             Some(path) => path.clone(),
             None => std::env::current_exe().context("cannot find this binary; name it with --roost")?,
         };
+        let roost = text(&roost, "--roost")?;
+        let folder = text(folder, "--state")?;
+        if folder.contains(['%', '\\']) {
+            // Slurm replaces such parts of the option `--output`.
+            return Err(
+                BadInput(format!("cannot use --state {folder}: name a folder without % and \\")).into()
+            );
+        }
         Ok(Self {
             arguments: arguments(args, name, folder),
-            script: script(&roost, &worker_arguments(args, folder)?, args),
+            script: script(roost, name, &worker_arguments(args, folder)?, args),
         })
     }
 
@@ -39,7 +47,7 @@ impl Submission {
 }
 
 /// Options on the command line: those in a script give way to the user's environment (`SBATCH_TIMELIMIT`).
-fn arguments(args: &SlurmArgs, name: &str, folder: &Path) -> Vec<String> {
+fn arguments(args: &SlurmArgs, name: &str, folder: &str) -> Vec<String> {
     let limit_s = args.time_limit.as_secs();
     let (hours, minutes, seconds) = (limit_s / 3600, limit_s / 60 % 60, limit_s % 60);
     let own = [
@@ -48,47 +56,49 @@ fn arguments(args: &SlurmArgs, name: &str, folder: &Path) -> Vec<String> {
         format!("--time={hours}:{minutes:02}:{seconds:02}"),
         format!("--signal=B:TERM@{}", args.warning().as_secs()),
         "--no-requeue".to_owned(),
-        format!("--output={}", log_file(folder, "%j").display()),
+        format!("--output={}", ledger::log_file(Path::new(folder), "%j").display()),
     ];
     own.into_iter().chain(args.sbatch.iter().cloned()).collect()
 }
 
-/// The log of an allocation.
-pub(super) fn log_file(folder: &Path, id: &str) -> PathBuf {
-    ledger::logs(folder).join(format!("{id}.log"))
+/// A path as the scripts have it: they are text.
+fn text<'a>(path: &'a Path, option: &str) -> Result<&'a str, BadInput> {
+    let unusable = || BadInput(format!("cannot use {option} {}: its name is not UTF-8", path.display()));
+    path.to_str().ok_or_else(unusable)
 }
 
 /// Arguments of `roost` on a compute node, without those that differ between workers.
-fn worker_arguments(args: &SlurmArgs, folder: &Path) -> Result<Vec<String>> {
+fn worker_arguments(args: &SlurmArgs, folder: &str) -> Result<Vec<String>> {
     let absolute = |path: &Path, option: &str| {
-        path.canonicalize()
-            .map_err(|error| BadInput(format!("cannot use {option} {}: {error}", path.display())))
+        let found = path.canonicalize();
+        let found =
+            found.map_err(|error| BadInput(format!("cannot use {option} {}: {error}", path.display())))?;
+        text(&found, option).map(str::to_owned)
     };
     let mut words: Vec<String> = ["work", "--server", args.server.address()].map(str::to_owned).to_vec();
     if let Some(path) = args.server.token_file() {
-        words.extend(["--token-file".to_owned(), absolute(path, "--token-file")?.display().to_string()]);
+        words.extend(["--token-file".to_owned(), absolute(path, "--token-file")?]);
     }
     if let Some(path) = args.server.ca() {
-        words.extend(["--ca".to_owned(), absolute(path, "--ca")?.display().to_string()]);
+        words.extend(["--ca".to_owned(), absolute(path, "--ca")?]);
     }
     let slots = match args.slots {
         Slots::Auto => "auto".to_owned(),
         Slots::Fixed(slots) => slots.to_string(),
     };
     let (idle, grace) = (format!("{}s", args.idle_timeout.as_secs()), args.grace.to_string());
-    let state = folder.join("worker").display().to_string();
+    let state = format!("{}/worker", folder.trim_end_matches('/'));
     let rest = ["--idle-timeout", &idle, "--grace", &grace, "--slots", &slots, "--state", &state];
     words.extend(rest.map(str::to_owned));
     Ok(words)
 }
 
-fn script(roost: &Path, worker: &[String], args: &SlurmArgs) -> String {
+fn script(roost: &str, pool: &str, worker: &[String], args: &SlurmArgs) -> String {
     let worker: Vec<String> = worker.iter().map(|word| quoted(word)).collect();
     let (worker, count) = (worker.join(" "), args.workers_per_alloc);
-    let roost = quoted(&roost.display().to_string());
-    let name = |number: &str| {
-        format!("\"{}$SLURM_JOB_ID-{number}-${{SLURMD_NODENAME:-node}}\"", observe::WORKER_NAME)
-    };
+    let roost = quoted(roost);
+    let prefix = observe::worker_prefix(pool);
+    let name = |number: &str| format!("\"{prefix}$SLURM_JOB_ID-{number}-${{SLURMD_NODENAME:-node}}\"");
     let head = format!(
         "#!/usr/bin/env bash\n\
          #SBATCH --nodes=1\n\
@@ -132,10 +142,11 @@ fn script(roost: &Path, worker: &[String], args: &SlurmArgs) -> String {
     )
 }
 
-/// A word for the shell, in quotes if it needs them.
+/// A word for the shell, in quotes if it needs them. `a=b` would be an assignment.
 fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=@%,+".contains(c);
-    if !word.is_empty() && word.chars().all(is_plain) {
+    let is_assignment = word.contains('=') && !word.starts_with('-');
+    if !word.is_empty() && !is_assignment && word.chars().all(is_plain) {
         return word.to_owned();
     }
     format!("'{}'", word.replace('\'', r"'\''"))
@@ -143,6 +154,9 @@ fn quoted(word: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt;
+
     use clap::Parser;
 
     use super::*;
@@ -153,11 +167,31 @@ mod tests {
         args: SlurmArgs,
     }
 
-    fn submission(words: &[&str]) -> Submission {
+    fn args(words: &[&str]) -> SlurmArgs {
         let words = ["pool", "--server", "http://head:7373", "--roost", "/opt/a roost"].iter().chain(words);
         let cli = Cli::try_parse_from(words).unwrap_or_else(|error| panic!("{error}"));
         cli.args.check().unwrap();
-        Submission::new(&cli.args, "roost-pool-1", Path::new("/home/me/pool")).unwrap()
+        cli.args
+    }
+
+    fn submission(words: &[&str]) -> Submission {
+        Submission::new(&args(words), "roost-pool-1", Path::new("/home/me/pool")).unwrap()
+    }
+
+    #[test]
+    fn paths_that_slurm_or_the_shell_would_change_are_refused() {
+        let args = args(&[]);
+        for (folder, named) in [
+            (OsStr::new("/home/me/100%j"), "without % and \\"),
+            (OsStr::new("/home/me/a\\b"), "without % and \\"),
+            (OsStr::from_bytes(b"/home/me/\xff"), "is not UTF-8"),
+        ] {
+            let error = Submission::new(&args, "roost-pool-1", Path::new(folder)).unwrap_err();
+            assert!(error.to_string().contains(named), "{error}");
+        }
+        let args = SlurmArgs { roost: Some(OsStr::from_bytes(b"/\xff").into()), ..args };
+        let error = Submission::new(&args, "roost-pool-1", Path::new("/home/me/pool")).unwrap_err();
+        assert!(error.to_string().contains("--roost"), "{error}");
     }
 
     #[test]
@@ -178,7 +212,7 @@ mod tests {
         let worker = "arguments=(work --server http://head:7373 --idle-timeout 120s --grace 10 --slots auto \
                       --state /home/me/pool/worker --threads \"$threads\")\n";
         assert!(script.contains(worker), "{script}");
-        let end = "exec '/opt/a roost' \"${arguments[@]}\" --name \"slurm-$SLURM_JOB_ID-1-${SLURMD_NODENAME:-node}\"\n";
+        let end = "exec '/opt/a roost' \"${arguments[@]}\" --name \"slurm-1-$SLURM_JOB_ID-1-${SLURMD_NODENAME:-node}\"\n";
         assert!(script.ends_with(end), "{script}");
     }
 
@@ -205,6 +239,7 @@ mod tests {
     fn words_are_quoted_for_the_shell() {
         assert_eq!(quoted("--gres=gpu:1"), "--gres=gpu:1");
         assert_eq!(quoted("a b"), "'a b'");
+        assert_eq!(quoted("a=b/roost"), "'a=b/roost'", "not an assignment");
         assert_eq!(quoted("it's"), r"'it'\''s'");
         assert_eq!(quoted(""), "''");
         assert_eq!(quoted("$HOME"), "'$HOME'");
@@ -212,7 +247,7 @@ mod tests {
 
     #[test]
     fn a_short_allocation_is_warned_later() {
-        let short = submission(&["--time-limit", "60s"]);
-        assert!(short.command().contains(" --time=0:01:00 --signal=B:TERM@20 "), "{}", short.command());
+        let short = submission(&["--time-limit", "3m"]);
+        assert!(short.command().contains(" --time=0:03:00 --signal=B:TERM@45 "), "{}", short.command());
     }
 }

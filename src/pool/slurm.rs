@@ -7,10 +7,17 @@ use roost_terminal::BadInput;
 use tokio::io::AsyncWriteExt;
 use tokio::process::Command;
 
+use super::ledger::last_line;
 use super::parse::{self, SACCT_FORMAT, SQUEUE_FORMAT, SlurmJob};
 
 /// Maximum time of a command.
 const TIMEOUT: Duration = Duration::from_secs(60);
+
+/// Variables that change what Slurm's commands print, or which jobs they show. Those of `sbatch` that choose resources stay.
+const REMOVED_PREFIXES: [&str; 4] = ["SQUEUE_", "SACCT_", "SCANCEL_", "SCONTROL_"];
+/// Variables of `sbatch` that the pool does not allow as options.
+const REMOVED: [&str; 5] =
+    ["SLURM_CLUSTERS", "SBATCH_CLUSTERS", "SBATCH_ARRAY_INX", "SBATCH_WAIT", "SBATCH_EXPORT"];
 
 /// Checks that this machine has `sbatch`.
 pub(super) async fn check() -> Result<(), BadInput> {
@@ -28,27 +35,68 @@ pub(super) async fn submit(arguments: &[String], script: &str) -> Result<u64, St
 
 /// The jobs of a name: those in Slurm's queue, and those that ended within its memory (MinJobAge, 5 minutes by default).
 pub(super) async fn jobs(name: &str) -> Result<Vec<SlurmJob>, String> {
+    queue(&format!("--name={name}")).await
+}
+
+/// Jobs of the queue, in all partitions, hidden ones as well.
+async fn queue(filter: &str) -> Result<Vec<SlurmJob>, String> {
     let format = format!("--format={SQUEUE_FORMAT}");
-    let arguments = ["--noheader", "--states=all", &format!("--name={name}"), &format].map(str::to_owned);
+    let arguments = ["--noheader", "--all", "--states=all", filter, &format].map(str::to_owned);
     Ok(parse::squeue(&run("squeue", &arguments, "").await?))
 }
 
-/// The records of Slurm's accounts about jobs that the queue does not show; none without accounts.
-pub(super) async fn accounts(ids: &[u64]) -> Vec<SlurmJob> {
+/// Jobs that the queue does not show under their name, by their ids. A job that is not in the answer is unknown to Slurm. An error
+/// says nothing about any job.
+pub(super) async fn jobs_by_id(ids: &[u64]) -> Result<Vec<SlurmJob>, String> {
+    let left = |found: &[SlurmJob]| -> Vec<u64> {
+        ids.iter().copied().filter(|id| found.iter().all(|job| job.id != *id)).collect()
+    };
+    let mut found = Vec::new();
+    if !ids.is_empty() {
+        found = known(queue(&format!("--jobs={}", joined(ids))).await)?.unwrap_or_default();
+        found.retain(|job| ids.contains(&job.id));
+    }
+    let missing = left(&found);
+    if !missing.is_empty() {
+        // Accounts may show a job as running that the controller has lost: they say only how jobs ended.
+        let has_ended = |job: &SlurmJob| missing.contains(&job.id) && !job.state.is_held();
+        found.extend(accounts(&missing).await.into_iter().filter(has_ended));
+    }
+    for id in left(&found) {
+        let arguments = ["--all", "--oneliner", "show", "job", &id.to_string()].map(str::to_owned);
+        let text = known(run("scontrol", &arguments, "").await)?.unwrap_or_default();
+        found.extend(parse::scontrol(&text).filter(|job| job.id == id));
+    }
+    Ok(found)
+}
+
+/// An answer about jobs; none if Slurm does not know their ids.
+fn known<T>(answer: Result<T, String>) -> Result<Option<T>, String> {
+    match answer {
+        Ok(answer) => Ok(Some(answer)),
+        Err(why) if why.to_lowercase().contains("invalid job id") => Ok(None),
+        Err(why) => Err(why),
+    }
+}
+
+/// The records of Slurm's accounts about jobs; none without accounts.
+async fn accounts(ids: &[u64]) -> Vec<SlurmJob> {
     let jobs = format!("--jobs={}", joined(ids));
     let arguments =
         ["--noheader", "--parsable2", &jobs, &format!("--format={SACCT_FORMAT}")].map(str::to_owned);
     run("sacct", &arguments, "").await.map_or_else(|_| Vec::new(), |text| parse::sacct(&text))
 }
 
-/// Cancels allocations; `only_waiting` spares those that have started meanwhile.
-pub(super) async fn cancel(ids: &[u64], only_waiting: bool) -> Result<(), String> {
-    if ids.is_empty() {
-        return Ok(());
-    }
-    let state = only_waiting.then(|| "--state=PENDING".to_owned());
-    let arguments: Vec<String> = state.into_iter().chain(ids.iter().map(u64::to_string)).collect();
+/// Cancels waiting allocations. It spares those that have started meanwhile.
+pub(super) async fn cancel_waiting(ids: &[u64]) -> Result<(), String> {
+    let state = "--state=PENDING".to_owned();
+    let arguments: Vec<String> = [state].into_iter().chain(ids.iter().map(u64::to_string)).collect();
     run("scancel", &arguments, "").await.map(drop)
+}
+
+/// Cancels all allocations of a pool by their name, even those that it could not record.
+pub(super) async fn cancel_all(name: &str) -> Result<(), String> {
+    run("scancel", &[format!("--name={name}")], "").await.map(drop)
 }
 
 fn joined(ids: &[u64]) -> String {
@@ -82,6 +130,11 @@ async fn run(program: &str, arguments: &[String], input: &str) -> Result<String,
 async fn output(program: &str, arguments: &[String], input: &str) -> std::io::Result<Output> {
     let mut command = Command::new(program);
     command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    // Ctrl-C in a terminal ends the pool, and not a command that submits.
+    command.process_group(0);
+    for (name, _) in std::env::vars_os().filter(|(name, _)| is_removed(&name.to_string_lossy())) {
+        command.env_remove(name);
+    }
     let mut child = command.kill_on_drop(true).spawn()?;
     if let Some(mut stdin) = child.stdin.take() {
         // A command that does not read its input closes it.
@@ -90,7 +143,34 @@ async fn output(program: &str, arguments: &[String], input: &str) -> std::io::Re
     child.wait_with_output().await
 }
 
-/// The last line with text.
-pub(super) fn last_line(text: &str) -> &str {
-    text.lines().map(str::trim).rfind(|line| !line.is_empty()).unwrap_or_default()
+/// Whether Slurm's commands do not get a variable of the environment.
+fn is_removed(name: &str) -> bool {
+    REMOVED.contains(&name) || REMOVED_PREFIXES.iter().any(|prefix| name.starts_with(prefix))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn variables_that_hide_or_rename_jobs_do_not_reach_slurm() {
+        for name in ["SQUEUE_PARTITION", "SQUEUE_FORMAT2", "SACCT_FORMAT", "SCANCEL_STATE", "SCONTROL_ALL"] {
+            assert!(is_removed(name), "{name}");
+        }
+        for name in ["SBATCH_ARRAY_INX", "SBATCH_WAIT", "SBATCH_CLUSTERS", "SLURM_CLUSTERS", "SBATCH_EXPORT"]
+        {
+            assert!(is_removed(name), "{name}");
+        }
+        for name in ["PATH", "SLURM_CONF", "SBATCH_PARTITION", "SBATCH_ACCOUNT", "ROOST_TOKEN"] {
+            assert!(!is_removed(name), "{name}");
+        }
+    }
+
+    #[test]
+    fn only_an_invalid_id_says_that_a_job_is_unknown() {
+        let error = |why: &str| known::<()>(Err(why.to_owned()));
+        assert_eq!(error("slurm_load_jobs error: Invalid job id specified"), Ok(None));
+        assert_eq!(error("squeue did not end within 60 s"), Err("squeue did not end within 60 s".to_owned()));
+        assert_eq!(known(Ok(7)), Ok(Some(7)));
+    }
 }

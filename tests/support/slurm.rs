@@ -1,5 +1,13 @@
-//! A Slurm of a folder, for tests: `sbatch`, `squeue`, `sacct` and `scancel` as one shell script. Allocations start at once, or wait
-//! while the file `hold` exists. With the file `refuse`, `sbatch` fails with its text.
+//! A Slurm of a folder, for tests: `sbatch`, `squeue`, `sacct`, `scontrol` and `scancel` as one shell script. Allocations start at
+//! once, or wait while a file `hold` exists. Other files change its answers:
+//!
+//! | file | effect |
+//! |---|---|
+//! | `refuse` | `sbatch` fails with its text |
+//! | `slow` | `sbatch` takes a second |
+//! | `unnamed` | `squeue` shows no job by its name |
+//! | `purged` | `squeue` shows no job at all |
+//! | `lost` | no command knows a job |
 
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -9,10 +17,15 @@ const SCRIPT: &str = r#"#!/usr/bin/env bash
 set -euo pipefail
 cd "$(dirname "$0")"
 say() { printf '%s\n' "$*" >&2; }
+if env | grep -E '^((SQUEUE|SACCT|SCANCEL|SCONTROL)_|SBATCH_(ARRAY_INX|WAIT|CLUSTERS|EXPORT)=|SLURM_CLUSTERS=)' > /dev/null; then
+    say 'a variable of the user changes this command'
+    exit 1
+fi
 case "$(basename "$0")" in
 sbatch)
     [[ $1 == --version ]] && { echo 'slurm of a test'; exit; }
     if [[ -e refuse ]]; then say "sbatch: error: $(cat refuse)"; exit 1; fi
+    [[ -e slow ]] && sleep 1
     for option; do
         case $option in
         --job-name=*) name=${option#*=} ;;
@@ -46,20 +59,51 @@ sbatch)
     echo "$id"
     ;;
 squeue)
-    for option; do [[ $option == --name=* ]] && name=${option#*=}; done
-    for job in jobs/*; do
-        [[ -e $job/name && $(cat "$job/name") == "$name" ]] && echo "${job#jobs/}|$(cat "$job/state")|None"
+    name= ids=
+    for option; do
+        case $option in
+        --name=*) name=${option#*=} ;;
+        --jobs=*) ids=,${option#*=}, ;;
+        esac
     done
-    exit 0
+    if [[ $ids ]] && [[ -e purged || -e lost ]]; then
+        say 'slurm_load_jobs error: Invalid job id specified'
+        exit 1
+    fi
+    [[ -e unnamed || -e purged || -e lost ]] && [[ $name ]] && exit 0
+    for job in jobs/*; do
+        [[ -e $job/name ]] || continue
+        if [[ $(cat "$job/name") == "$name" || $ids == *,${job#jobs/},* ]]; then
+            echo "${job#jobs/}|$(cat "$job/state")|None"
+        fi
+    done
+    ;;
+scontrol)
+    id=${!#}
+    if [[ -e lost || ! -e jobs/$id ]]; then
+        say 'slurm_load_jobs error: Invalid job id specified'
+        exit 1
+    fi
+    echo "JobId=$id JobName=$(cat "jobs/$id/name") JobState=$(cat "jobs/$id/state") Reason=None"
     ;;
 sacct)
     say 'Slurm accounting storage is disabled'
     exit 1
     ;;
 scancel)
-    only_waiting=
-    for id; do
-        if [[ $id == --state=PENDING ]]; then only_waiting=1; continue; fi
+    only_waiting= ids=()
+    for word; do
+        case $word in
+        --state=PENDING) only_waiting=1 ;;
+        --name=*)
+            for job in jobs/*; do
+                if [[ -e $job/name && $(cat "$job/name") == "${word#*=}" ]]; then ids+=("${job#jobs/}"); fi
+            done
+            ;;
+        *) ids+=("$word") ;;
+        esac
+    done
+    for id in "${ids[@]}"; do
         state=$(cat "jobs/$id/state")
         if [[ $state == PENDING ]]; then
             echo CANCELLED > "jobs/$id/state"
@@ -80,7 +124,7 @@ pub(crate) struct FakeSlurm {
 impl FakeSlurm {
     pub(crate) fn new(folder: &Path) -> Self {
         std::fs::create_dir_all(folder.join("jobs")).unwrap();
-        for name in ["sbatch", "squeue", "sacct", "scancel"] {
+        for name in ["sbatch", "squeue", "sacct", "scontrol", "scancel"] {
             let path = folder.join(name);
             std::fs::write(&path, SCRIPT).unwrap();
             std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
@@ -98,6 +142,14 @@ impl FakeSlurm {
         match content {
             Some(content) => std::fs::write(self.folder.join(name), content).unwrap(),
             None => std::fs::remove_file(self.folder.join(name)).unwrap(),
+        }
+    }
+
+    /// Signals the batch shells of running allocations, and no other process: `--signal=B:TERM` does that before the time limit.
+    pub(crate) fn signal_batch_shells(&self) {
+        let (states, pids) = (self.all("state"), self.all("pid"));
+        for (_, pid) in states.iter().zip(&pids).filter(|(state, _)| *state == "RUNNING") {
+            assert!(Command::new("kill").args(["-TERM", pid]).status().unwrap().success());
         }
     }
 

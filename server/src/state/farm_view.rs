@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use quick_cache::sync::Cache;
 use roost_api::ids::SweepId;
 use roost_api::job::Needs;
+use roost_api::time::Timestamp;
 use roost_solver::scenario;
 use serde_json::Value;
 use tokio::sync::Mutex;
@@ -49,6 +50,8 @@ pub(crate) struct FarmView {
     pub(crate) rounds: Rounds,
     /// Finished runs.
     pub(crate) finished: Vec<MeasuredRun>,
+    /// When its first part was read: later registrations may be missing.
+    pub(crate) made_at: Timestamp,
     taken: Instant,
     cost: Duration,
 }
@@ -101,8 +104,8 @@ impl AppState {
     }
 
     async fn take_view(&self) -> Result<FarmView, StoreError> {
-        let began = Instant::now();
-        let workers = self.store.online_workers(self.clock.now(), self.config.lease).await?;
+        let (began, made_at) = (Instant::now(), self.clock.now());
+        let workers = self.store.online_workers(made_at, self.config.lease).await?;
         let with_slots = |worker: OnlineWorker| {
             let slots = self.slots.of(&worker.id, &worker.backend, worker.threads, worker.jobs);
             (worker, slots)
@@ -121,7 +124,7 @@ impl AppState {
         }
         let finished = self.measured_runs(None).await?;
         let (taken, cost) = (Instant::now(), began.elapsed());
-        Ok(FarmView { workers, running, groups, rounds, finished, taken, cost })
+        Ok(FarmView { workers, running, groups, rounds, finished, made_at, taken, cost })
     }
 
     /// Finished runs of a sweep, or of all jobs, as far as the check knows their cost.

@@ -22,7 +22,7 @@ impl AppState {
         by_needs.sort_by_key(|group| std::cmp::Reverse(group.jobs));
         let queued = by_needs.iter().map(|group| group.jobs).sum::<u64>();
         let running = view.running.len() as u64;
-        Ok(QueueDepth { queued, running, total: queued + running, by_needs, made_at: self.clock.now() })
+        Ok(QueueDepth { queued, running, total: queued + running, by_needs, made_at: view.made_at })
     }
 
     async fn needs_depth(
