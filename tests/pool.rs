@@ -257,7 +257,7 @@ fn several_workers_share_an_allocation() {
 /// Slurm signals the batch shell alone before the time limit: each worker must hand its job back.
 fn hand_back_before_the_time_limit(workers: u32) {
     let (sandbox, slurm) = cluster();
-    let _server = sandbox.start_server_with(&["--lease-s", "60"]);
+    let _server = sandbox.start_server_with(&["--lease-s", "10"]);
     let sweep = submit_sweep(&sandbox, &slow_scenario(600.0), workers);
     let number = workers.to_string();
     let arguments = ["--workers-per-alloc", &number, "--max-workers", &number, "--grace", "0"];
@@ -275,6 +275,7 @@ fn hand_back_before_the_time_limit(workers: u32) {
     });
     let preempted = format!(r#"roost_attempts_total{{outcome="preempted"}} {workers}"#);
     assert!(sandbox.text("/metrics").contains(&preempted));
+    // Until its lease ends, a worker that has ended counts as one with free slots.
     wait_until("the next one waits", || (states(&list(&sandbox)) == ["completed", "waiting"]).then_some(()));
     running.terminate();
     assert!(running.wait().0.success());
