@@ -39,35 +39,35 @@ const fn kind(code: &'static str, when: &'static str, action: &'static str) -> W
 
 const UNSTABLE_TIMESTEP: WarningKind = kind(
     "unstable_timestep",
-    "`/numerics/timestep_s` is past the stability limit with damping.",
+    "`/numerics/timestep_s` is above the stability limit, which includes the effect of damping.",
     "Set /numerics/timestep_s to \"auto\" or to a smaller step.",
 );
 const WHOLE_SPHERES: WarningKind = kind(
     "whole_spheres",
-    "`/product/fill` is `whole_spheres`: the body is up to 2R thinner than the shape.",
+    "`/product/fill` is `whole_spheres`. The simulated body is up to 2R thinner than its shape.",
     "Set /product/fill to \"centres\", or choose a smaller /product/subparticle_radius_m.",
 );
 const THIN_FILLET: WarningKind = kind(
     "thin_fillet",
-    "A fillet has fewer than four layers of sub-particles in its thickness: its bending and the flow depend on the radius.",
+    "A fillet has fewer than four layers of sub-particles in its thickness. Its bending and the flow then depend on R.",
     "Choose a smaller /product/subparticle_radius_m, or compare two radii.",
 );
 const SOFT_TISSUE: WarningKind = kind(
     "soft_tissue",
-    "The weight on a sub-particle at the floor presses it in by half of R or more, by Hertz: bodies may sink through.",
-    "Check the unit of /material/youngs_modulus_pa, or raise it.",
+    "By Hertz' law, the weight above compresses a sub-particle at the floor by half of R or more. Bodies may sink through the floor.",
+    "Check the unit of /material/youngs_modulus_pa, or raise the modulus.",
 );
 const SLOW_BELT: WarningKind = kind(
     "slow_belt",
-    "Within `/numerics/jam_after_s`, or a shorter `when_jammed_s`, the belt moves less than three diameters of a sub-particle: steady flow \
-     may count as a jam.",
-    "Raise /numerics/jam_after_s, and a shorter /numerics/stop/when_jammed_s.",
+    "The belt moves less than three diameters of a sub-particle within `/numerics/jam_after_s`, or within a shorter \
+     `/numerics/stop/when_jammed_s`. Steady flow may then count as a jam.",
+    "Raise /numerics/jam_after_s. Also raise /numerics/stop/when_jammed_s if it is shorter.",
 );
 const ESCAPED_MASS: WarningKind = kind(
     "escaped_mass",
-    "`escaped_kg` is above 0.",
-    "Look at frames for gaps between surfaces, for tissue that sinks through them, or for fragments. In a scene, surfaces may end \
-     there by intention.",
+    "`escaped_kg` is above 0: mass left the simulated space.",
+    "Look at frames for gaps between surfaces, for tissue that sinks through surfaces, or for fragments. In a scene, bodies may \
+     leave by intention.",
 );
 const PASSED_THROUGH: WarningKind = kind(
     "passed_through",
@@ -77,43 +77,47 @@ const PASSED_THROUGH: WarningKind = kind(
 const BROKEN_BONDS: WarningKind = kind(
     "broken_bonds",
     "`bonds_intact_fraction` is below 0.95.",
-    "Reduce /numerics/timestep_s or the speed, or set /bonds/formulation to \"finite_extension\": fillets do not tear so easily.",
+    "Reduce /numerics/timestep_s or the speed of impacts. Or set /bonds/formulation to \"finite_extension\", with which fillets \
+     tear less easily.",
 );
 const DEEP_OVERLAP: WarningKind = kind(
     "deep_overlap",
-    "`max_overlap_ratio` is above 1: two sub-particles without a bond were closer than R.",
-    "Raise /material/youngs_modulus_pa, or reduce the speed of impacts or /numerics/timestep_s, if it happens after the fill.",
+    "`max_overlap_ratio` is above 1: the centres of two sub-particles without a bond were closer than R.",
+    "If it happens during the fill of a hopper, do nothing. Otherwise raise /material/youngs_modulus_pa, or reduce /numerics/timestep_s or the \
+     speed of impacts.",
 );
 const DENSE_BED: WarningKind = kind(
     "dense_bed",
     "`bulk_density_kg_m3` is above the density of a fillet: fillets overlap.",
-    "Treat masses and rates as too high by about this ratio, or raise /material/youngs_modulus_pa.",
+    "Masses and rates are too high by about the ratio of the two densities. To reduce the overlap, raise /material/youngs_modulus_pa.",
 );
 const INTERPENETRATION: WarningKind = kind(
     "interpenetration",
-    "`interpenetrated_fraction` is above 0.02: fillets slipped into the lattices of others.",
-    "Set /contact/fillet_fillet_radius_ratio to 1.225, which closes the holes of the lattice, and compare.",
+    "`interpenetrated_fraction` is above 0.02: sub-particles lie inside other fillets.",
+    "Set /contact/fillet_fillet_radius_ratio to 1.225, which closes the holes between sub-particles, and compare the results.",
 );
 /// A test whose measured event never happened.
 pub(super) const TEST_NEVER_BEGAN: WarningKind = kind(
     "test_never_began",
-    "The event that the test measures did not happen: no rest before t = 0, no contact, no sliding, no hanging.",
-    "Its responses are null or say nothing about the material: change the duration or the range of the test.",
+    "The event that the test measures did not happen. For example, the body did not rest before t = 0, or it did not touch, slide \
+     or hang.",
+    "The responses are null or say nothing about the material. Change the duration or the range of the test.",
 );
 
 /// A hopper whose regime has no reference.
 pub(super) const NO_REGIME: WarningKind = kind(
     "no_regime",
-    "The belt's capacity is unknown, or the belt stands still: `regime` is null.",
-    "With /equipment/parametric false, give opening_width_m and opening_height_m, and a surface with motion \"belt\" that passes the gate \
-     plane x = 0 at one speed.",
+    "The belt's capacity is unknown, or the belt stands still. Therefore `regime` is null.",
+    "If /equipment/parametric is false, set opening_width_m and opening_height_m. Also give a surface with motion \"belt\" that \
+     passes the gate plane x = 0 at one speed.",
 );
 
 /// A feed that did not bring its mass.
 pub(super) const FEED_SHORT: WarningKind = kind(
     "feed_short",
-    "`fed_kg` is below the mass due by more than a fillet and 1 %: fillets found no free place over the hopper.",
-    "Reduce /equipment/feed_kg_s or /numerics/output_interval_s, or let the belt carry off more.",
+    "The fed mass `fed_kg` is below the mass due by more than 1 % and one fillet, because fillets found no free place over the \
+     hopper.",
+    "Reduce /equipment/feed_kg_s or /numerics/output_interval_s, or raise the rate at which the belt carries mass away.",
 );
 
 /// All kinds, in the order of the table.
