@@ -188,21 +188,23 @@ fn bar_finding(profile: &Profile, results: &Results<'_>) -> Option<String> {
     let mut others: Vec<String> = BARS_M
         .iter()
         .filter_map(|radius| Some((angle(&bar_name(*radius))?, radius)))
-        .map(|(angle, radius)| format!("{}° over one of {} mm", rounded(angle, 0), significant(radius * 1e3)))
+        .map(|(angle, radius)| {
+            format!("The angle is {}° over a bar of {} mm.", rounded(angle, 0), significant(radius * 1e3))
+        })
         .collect();
     others.extend(angle("coarse").map(|angle| {
         format!(
-            "{}° with sub-particles of {} mm, in fewer layers",
+            "It is {}° over a bar of 20 mm with R = {} mm, which gives fewer layers of spheres.",
             rounded(angle, 0),
             significant(COARSE * profile.radius_m * 1e3)
         )
     }));
     Some(format!(
-        "Over a bar of 20 mm radius a fillet of size 2 with R = {} mm bends by {}°, less than 120°. The paper does not specify its \
-         support. The support matters: {}.",
+        "Over a bar of 20 mm radius, a fillet of size 2 with R = {} mm bends by {}°, less than 120°. The paper does not specify its \
+         bar. The bar and R change the angle. {}",
         significant(profile.radius_m * 1e3),
         rounded(mean, 0),
-        others.join(", ")
+        others.join(" ")
     ))
 }
 

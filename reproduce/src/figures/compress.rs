@@ -169,23 +169,24 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     let mut findings = Vec::new();
     findings.extend(plates_pa(WHOLE).map(|modulus| {
         format!(
-            "The modulus of 48.6 kPa does not reproduce: a block with the parameters of Table 2 has {} % of it. The paper gave the \
-             measured modulus of the tissue to the sub-particles, but the stiffness of a block comes from its bonds.",
+            "Roost does not reproduce the modulus of 48.6 kPa. A block with the parameters of Table 2 has {} % of this modulus. The \
+             paper used the measured modulus of the tissue as the modulus of a sub-particle. The stiffness of a block, however, comes \
+             from its bonds.",
             rounded(100.0 * modulus / PAPERS_PA, 0)
         )
     }));
     findings.extend(lattice_pa(WHOLE).zip(alone_pa).map(|(whole, alone)| {
         format!(
-            "At 4 mm, bonds contribute {} kPa of the {} kPa of the lattice, S_n π R/2; contact between bonded neighbours \
-             contributes the rest.",
-            rounded(alone / 1e3, 2),
-            rounded(whole / 1e3, 2)
+            "At R = 4 mm the modulus of the lattice is {} kPa. Bonds contribute {} kPa, the value of S_n π R/2. Contact between \
+             bonded neighbours contributes the rest.",
+            rounded(whole / 1e3, 2),
+            rounded(alone / 1e3, 2)
         )
     }));
     findings.extend(early.zip(stiffens).map(|(early, stiffens)| {
         format!(
-            "The block {}: the slope over the last 3 % of strain is {} times the slope over the first 3 %. Its stress is {} kPa \
-             where that of the paper's samples is 4 kPa.",
+            "The block {}. The slope of its stress over the last 3 % of strain is {} times the slope over the first 3 %. At the \
+             strain at which the paper's samples have reached 4 kPa, the stress of the block is {} kPa.",
             if stiffens > 1.0 { "stiffens, as the paper's samples do" } else { "does not stiffen" },
             rounded(stiffens, 1),
             rounded(early / 1e3, 2)
@@ -193,8 +194,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     }));
     findings.extend(top.zip(after).filter(|(top, after)| after.1 < 0.9 * top.1).map(|(top, after)| {
         format!(
-            "The block of the paper's size with R = 1.75 mm buckles. Its stress rises to {} kPa at a strain of {} and falls to {} kPa \
-             at {}.",
+            "The block with R = 1.75 mm has the size of the paper's samples. This block buckles. Its stress rises to {} kPa at a \
+             strain of {}, and then falls to {} kPa at a strain of {}.",
             rounded(top.1 / 1e3, 2),
             rounded(top.0, 3),
             rounded(after.1 / 1e3, 2),

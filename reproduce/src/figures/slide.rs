@@ -126,8 +126,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .note(range_text(&trussed)),
     );
     let mut findings = vec![
-        "Fig. 8b is an experiment with water on real fillets. It has no simulation here: in the model, water changes the \
-         parameters."
+        "Fig. 8b is an experiment with water on real fillets. Roost does not simulate this experiment, because in the model water \
+         only changes the parameters."
             .to_owned(),
     ];
     findings.extend(early_sliding(&papers(TABLE_2), &trussed));
@@ -171,17 +171,18 @@ fn early_sliding(angles: &Replicates, trussed: &Replicates) -> Option<String> {
         return None;
     }
     let mut text = format!(
-        "At μ = 0.5 fillets slide at a mean of {}°, {} over {} headings, before atan μ = {}°: the heading matters.",
+        "At μ = 0.5 fillets slide at a mean angle of {}°, below atan μ = {}°. The angle depends on the heading of the fillet. It \
+         ranges {} over {} headings.",
         rounded(mean.mean, 1),
+        rounded(coulomb, 1),
         range_text(angles),
-        mean.n,
-        rounded(coulomb, 1)
+        mean.n
     );
     let truss = trussed.mean()?;
     if (truss - coulomb).abs() < (mean.mean - coulomb).abs() {
         text.push_str(&format!(
-            " Bonds carry no moments, so single sub-particles may roll on the plate. With diagonal bonds, which prevent that, the \
-             angle is {}°.",
+            " Bonds carry no moments, so single sub-particles may roll on the plate. Diagonal bonds prevent this rolling. With \
+             diagonal bonds, the angle is {}°.",
             rounded(truss, 1)
         ));
     }

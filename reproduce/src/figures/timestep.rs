@@ -93,8 +93,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     };
     let findings = spread(AUTO).zip(spread(PAPERS)).map(|(auto, papers)| {
         format!(
-            "Masses differ between seeds: the standard deviation at {} s, in % of the filled mass, is {auto}, {papers}. Therefore \
-             means are compared instead of single runs.",
+            "Masses differ between seeds. In % of the filled mass, the standard deviation at {} s is {auto} and {papers}. Therefore \
+             the table compares means instead of single runs.",
             significant(profile.timestep_bed.duration_s)
         )
     });

@@ -98,8 +98,9 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     let mut findings = Vec::new();
     findings.extend(broken.map(|(minimum, _)| {
         format!(
-            "“Under 5 % intact at the smallest scale” does not reproduce: {} % or more of the bonds stay intact with every seed. The \
-             paper's text gives that scale once as 0.25 and once as 1, and 100 % intact at the chosen scale 1.",
+            "In the paper, under 5 % of the bonds stay intact at the smallest scale. Roost does not reproduce this loss: at least {} % \
+             of the bonds stay intact with every seed. The paper's text gives the smallest scale once as 0.25 and once as 1. It also \
+             reports 100 % intact bonds at the chosen scale 1.",
             significant((minimum * 1000.0).round() / 10.0)
         )
     }));

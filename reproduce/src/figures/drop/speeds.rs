@@ -88,7 +88,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             )
             .paper("none")
             .value(Some(rises.len() as f64), n)
-            .note(format!("of {}, significant ones only", line.len().saturating_sub(1))),
+            .note(format!("of {} steps; only significant ones count", line.len().saturating_sub(1))),
         );
         findings.extend(rises.into_iter().map(|((from, before), (to, after))| {
             format!(

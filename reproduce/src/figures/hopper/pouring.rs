@@ -69,7 +69,8 @@ fn no_jam(results: &Results<'_>) -> Option<String> {
     let stops = results.response(NARROW, "longest_stoppage_s");
     let (_, longest) = stops.range().filter(|(_, longest)| *longest < STANDSTILL_S)?;
     Some(format!(
-        "The jam at 4.5 cm does not reproduce: the longest stoppage with Table 2 is {} s. Table 3 shows what slows the flow.",
+        "Roost does not reproduce the jam at 4.5 cm. With the parameters of Table 2, the longest stoppage is {} s. Table 3 shows \
+         which parameters slow the flow.",
         significant((longest * 100.0).round() / 100.0)
     ))
 }

@@ -78,16 +78,16 @@ fn cause_finding(dry: &Replicates, frictions: &[(f64, Replicates)], sticky: &Rep
         .collect::<Option<_>>()?;
     let minimum = frictions.iter().filter_map(|(_, rates)| rates.mean()).reduce(f64::min)?;
     let mut text = format!(
-        "At 6 cm, dry, the mean rate is {} kg/s with a belt friction of 0.5. It is {}. A surface energy of {STICKY_J_M2} J/m² in all \
-         contacts, in place of 0.055 J/m², changes it to {} kg/s.",
+        "At 6 cm, dry, the mean rate is {} kg/s with a belt friction of 0.5. The rate is {}. A surface energy of {STICKY_J_M2} J/m² \
+         in all contacts, in place of 0.055 J/m², changes the rate to {} kg/s.",
         rounded(dry_kg_s, 2),
         reduced.join(", "),
         rounded(sticky_kg_s, 2)
     );
     if minimum < sticky_kg_s && minimum < dry_kg_s {
         text.push_str(
-            " In the model, lower traction of the belt therefore slows the flow more than adhesion. The paper names both. It measured \
-             friction on a steel plate, not on its modular belt.",
+            " In the model, lower traction of the belt therefore slows the flow more than adhesion does. The paper names both causes. \
+             The paper's friction was measured on a steel plate, not on its modular belt.",
         );
     }
     Some(text)
@@ -102,8 +102,8 @@ fn wet_finding(profile: &Profile) -> String {
     };
     let ((dry, usual), (wet, energy)) = (parameters("dry"), parameters("wet"));
     format!(
-        "The wet condition is an assumption: a friction of {} on the belt in place of {}, a surface energy of {} J/m² in place of {}. \
-         The paper only says that water was added.",
+        "The parameters of the wet condition are assumptions. They are a friction of {} on the belt in place of {}, and a surface \
+         energy of {} J/m² in place of {} J/m². The paper only says that water was added.",
         significant(wet),
         significant(dry),
         significant(energy),
@@ -123,11 +123,11 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             _ => row.note("reported without a demand"),
         });
         if !is_papers && n > 0 {
-            findings.push(format!("At {name}, the paper's regime is {papers}; here it is {words}."));
+            findings.push(format!("At {name}, the paper's regime is {papers}. In Roost it is {words}."));
         }
         let row = Row::new(NAME, format!("minimum rate over 1 s, over the belt's capacity, at {name}"), "");
         let row = row.replicates(&results.response(name, "lowest_rate_ratio"));
-        rows.push(row.note("q: no flow below 0.15, inconsistent below 0.55"));
+        rows.push(row.note("the regime is no flow below 0.15, and inconsistent from 0.15 to 0.55"));
     }
     let factor = scale_to_hopper(&profile.bed);
     let rates = |name: &str| results.response(name, "mean_rate_kg_s").scaled(factor);
@@ -151,7 +151,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
                 "0.75 within its 95 % interval, which is at most ± 0.1",
                 over.is_some_and(|over| over.contains(0.75) && over.half_width <= 0.1),
             )
-            .note("0.75 is 4.5 / 6, for full openings on the same belt"),
+            .note("0.75 is 4.5 / 6, the ratio of the openings"),
     );
     let frictions = BELT_FRICTIONS.map(|friction| (friction, rates(&friction_name(friction))));
     for (friction, seeds) in &frictions {
@@ -214,11 +214,11 @@ mod tests {
         let text = cause_finding(&seeds(8.0), &frictions(1.0), &seeds(7.5)).unwrap();
         assert!(
             text.contains(
-                "8.00 kg/s with a belt friction of 0.5. It is 6.00 kg/s with 0.3, 1.00 kg/s with 0.1"
+                "8.00 kg/s with a belt friction of 0.5. The rate is 6.00 kg/s with 0.3, 1.00 kg/s with 0.1"
             ),
             "{text}"
         );
-        assert!(text.contains("changes it to 7.50 kg/s") && text.contains("traction"), "{text}");
+        assert!(text.contains("changes the rate to 7.50 kg/s") && text.contains("traction"), "{text}");
         assert!(!cause_finding(&seeds(8.0), &frictions(5.0), &seeds(2.0)).unwrap().contains("traction"));
         assert_eq!(cause_finding(&seeds(8.0), &frictions(1.0), &Replicates::default()), None);
         assert!(wet_finding(PROFILES[0]).contains("a friction of 0.2 on the belt in place of 0.5"));
