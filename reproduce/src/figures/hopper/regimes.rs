@@ -123,7 +123,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             _ => row.note("reported without a demand"),
         });
         if !is_papers && n > 0 {
-            findings.push(format!("At {name}, the paper's regime is {papers}. In Roost it is {words}."));
+            findings.push(format!("At {name}, the paper's regime is {papers}. In Roost it is {words} runs."));
         }
         let row = Row::new(NAME, format!("minimum rate over 1 s, over the belt's capacity, at {name}"), "");
         let row = row.replicates(&results.response(name, "lowest_rate_ratio"));
