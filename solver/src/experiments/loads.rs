@@ -20,12 +20,13 @@ const MAX_NUMBERS: f64 = 4e5;
 #[rustfmt::skip]
 pub(super) const LOADS: [SeriesRow; 6] = [
     series("force_<name>_x", "N",
-        "Force on the surface of that name along x, at the time of the sample: the weight of bodies on it, the friction of bodies \
-         that a belt drags."),
+        "Force along x on the surface of this name, at the time of the sample. For example: the weight of bodies on the surface, or \
+         the friction of bodies on a belt."),
     series("force_<name>_y", "N", "The same along y."),
     series("force_<name>_z", "N", "The same along z."),
     series("torque_<name>_x", "N·m",
-        "Torque on the surface of that name about x, through the pivot of a `moving` surface that turns, else through the origin."),
+        "Torque about x on the surface of this name. The axis passes through the pivot if the surface is `moving` and turns, \
+         otherwise through the origin."),
     series("torque_<name>_y", "N·m", "The same about y."),
     series("torque_<name>_z", "N·m", "The same about z."),
 ];

@@ -153,12 +153,12 @@ impl CurveRow {
 pub(super) const BONDS_INTACT_FRACTION: Response = number(
     "bonds_intact_fraction",
     "",
-    "Share of all bonds that have not broken. Bonds of fillets that left the simulation count as unbroken.",
+    "Share of unbroken bonds among all bonds. Bonds of fillets that left the simulation count as unbroken.",
 );
 pub(super) const MAX_OVERLAP_RATIO: Response = number(
     "max_overlap_ratio",
     "",
-    "Maximum overlap of two sub-particles without a bond at any time, divided by R. It exceeds 1 while fillets drop onto each \
+    "Maximum overlap of two sub-particles without a bond, divided by R, at any time. It can exceed 1 while fillets drop onto each \
      other.",
 );
 pub(super) const KINETIC_ENERGY_END_J: Response =
@@ -166,19 +166,20 @@ pub(super) const KINETIC_ENERGY_END_J: Response =
 pub(super) const ESCAPED_KG: Response = number(
     "escaped_kg",
     "kg",
-    "Mass that left the domain by accident, such as fragments or fillets beside the equipment; 0 in a sound simulation.",
+    "Mass that left the simulated space by accident, such as fragments, or fillets that fell beside the equipment. It is 0 in a \
+     correct simulation.",
 );
 pub(super) const PASSED_THROUGH: Response = number(
     "passed_through",
     "",
-    "How often a sub-particle has come through a surface to its other side without going round an edge; 0 in a sound simulation.",
+    "How often a sub-particle has passed through a surface to its other side, not round an edge. It is 0 in a correct simulation.",
 );
 pub(super) const KINETIC_ENERGY: SeriesRow = SeriesRow {
     clock: Clock::Simulated,
     ..series(
         "kinetic_energy",
         "J",
-        "Kinetic energy of all bodies, translation and spin. The fill has negative times.",
+        "Kinetic energy of all bodies, from translation and spin. Times before t = 0 (the fill) are negative.",
     )
 };
 pub(super) const BONDS_INTACT: SeriesRow = SeriesRow {
@@ -186,7 +187,7 @@ pub(super) const BONDS_INTACT: SeriesRow = SeriesRow {
     ..series(
         "bonds_intact_fraction",
         "1",
-        "Share of all bonds that have not broken. The fill has negative times.",
+        "Share of unbroken bonds among all bonds. Times before t = 0 (the fill) are negative.",
     )
 };
 

@@ -80,16 +80,17 @@ pub const EXPERIMENTS: &[&str] = &{
 #[rustfmt::skip]
 const HEAD: &[Field] = &[
     choice("/schema", &[SCHEMA], "format",
-        "Name and version of this document's format. `roost.scenario/1` is read as well; its bonds have no `reference_radius_m`."),
+        "Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds have no \
+         `reference_radius_m`."),
     field("/experiment", FieldKind::Choice(EXPERIMENTS), "", Preset::Required, "section 2",
-        "What is simulated: bulk discharge of a hopper (section 2.4), one of the paper's tests of single fillets (section 2.3), or a \
-         `scene` of bodies and surfaces that you place."),
+        "Kind of simulation. `hopper`: the discharge of a hopper (section 2.4). `drop`, `bend`, `slide`, `compress`: the paper's \
+         small tests (section 2.3). `scene`: bodies and surfaces that you place."),
 ];
 
 #[rustfmt::skip]
 const SEED: &[Field] = &[
     integer("/seed", 1, from_to(0.0, 9_007_199_254_740_991.0), "numerics",
-        "Seed of all random numbers; at most 2⁵³ − 1."),
+        "Seed of all random numbers. Another seed gives other random positions and angles."),
 ];
 
 /// The fields of the experiments' own sections.

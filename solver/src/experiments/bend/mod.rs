@@ -24,17 +24,20 @@ const SINKING_M_S: f64 = 0.1;
 #[rustfmt::skip]
 const RESPONSES: &[Response] = &[
     number("bend_angle_deg", "°",
-        "Mean bend angle since the fillet came to rest, or over the last second if it still swings. If it fell off or tore: the \
-         maximum before.").headline(),
+        "Mean bend angle after the fillet came to rest, or over the last second if the fillet still swings. If the fillet fell off or \
+         tore: the maximum before this event.").headline(),
     number("tip_deflection_m", "m",
-        "Distance that the tail's last layer of sub-particles sank, as a mean like `bend_angle_deg`; null unless `clamped`.").headline(),
+        "Distance by which the last layer of sub-particles at the tail sank, as a mean over the same time as `bend_angle_deg`. Null \
+         if the support is not `clamped`.").headline(),
     number("time_to_rest_s", "s",
-        "Time at which the fillet came to rest; null if it did not, or if a conveyor runs.").headline(),
+        "Time at which the fillet came to rest. Null if it did not come to rest, or if the support is a conveyor.").headline(),
     number("bend_swing_deg", "°",
-        "Half the range of the angles of which `bend_angle_deg` is the mean; null if the fillet fell off or tore."),
-    number("largest_bend_angle_deg", "°", "Maximum bend angle while the fillet was whole and on its support, with swings."),
+        "Swing of the fillet: half the range of the bend angle in the time over which `bend_angle_deg` is the mean. Null if the \
+         fillet fell off or tore."),
+    number("largest_bend_angle_deg", "°", "Maximum bend angle while the fillet was whole and on its support. Swings of the fillet \
+                                           count."),
     boolean("fell_off", "Whether the whole fillet fell below the axis of the bar or the roller."),
-    boolean("torn", "Whether the two ends are no longer connected by bonds, or a part left the simulation."),
+    boolean("torn", "Whether the fillet tore: no chain of bonds connects its two ends, or a part of it left the simulation."),
     BONDS_INTACT_FRACTION,
     WARNING_COUNT,
 ];
@@ -44,7 +47,7 @@ const BEND_ANGLE: SeriesRow = series("bend_angle", "°",
     "Bend angle while the fillet was whole and on its support.").headline();
 #[rustfmt::skip]
 const TIP_DEFLECTION: SeriesRow = series("tip_deflection", "m",
-    "Distance that the tail's last layer sank, while the fillet was whole and on its support.").headline();
+    "Distance by which the last layer of sub-particles at the tail sank, while the fillet was whole and on its support.").headline();
 
 pub(super) const OUTPUTS: Outputs = Outputs {
     responses: RESPONSES,

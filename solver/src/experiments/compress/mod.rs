@@ -35,31 +35,33 @@ const MARGIN_M: f64 = 0.1;
 #[rustfmt::skip]
 const RESPONSES: &[Response] = &[
     number("modulus_pa", "Pa",
-        "Slope of stress over strain, with the strain from the plates: a straight line from `modulus_from_strain` to \
-         `modulus_to_strain`; null with fewer than three samples in this range.").headline(),
+        "Modulus: the slope of a straight line through stress over strain, from `modulus_from_strain` to `modulus_to_strain`. The \
+         strain is that between the plates. Null if fewer than three samples are in this range.").headline(),
     number("modulus_lattice_pa", "Pa",
-        "The same slope with the strain between the centres of the outermost layers, as an extensometer measures it; null for a \
-         single layer.").headline(),
+        "The same slope, with the strain between the centres of the block's outermost layers. An extensometer measures this strain. \
+         Null for a block of one layer.").headline(),
     number("stress_at_end_pa", "Pa", "Stress at the end."),
-    number("largest_strain", "", "Strain at the end, from the plates."),
+    number("largest_strain", "", "Strain between the plates at the end."),
     number("plate_imbalance_fraction", "",
-        "Maximum difference of the forces on the two plates, divided by the maximum force; small if the test was slow enough."),
+        "Maximum difference of the forces on the two plates, divided by the maximum force. It is small if the compression was slow \
+         enough."),
     BONDS_INTACT_FRACTION,
     WARNING_COUNT,
 ];
 
 #[rustfmt::skip]
 const LOWER_PLATE_FORCE: SeriesRow = series("lower_plate_force", "N",
-    "Force of the block on the lower plate; negative where it pulls.");
+    "Force of the block on the lower plate; negative when the block pulls.");
 const UPPER_PLATE_FORCE: SeriesRow =
     series("upper_plate_force", "N", "Force of the block on the upper plate.");
 const STRESS: CurveRow =
-    curve("stress", "Pa", ("strain", "1"), "Stress over strain, with the strain from the plates.").headline();
+    curve("stress", "Pa", ("strain", "1"), "Stress over strain, with the strain between the plates.")
+        .headline();
 const STRESS_LATTICE: CurveRow = curve(
     "stress_lattice",
     "Pa",
     ("strain_lattice", "1"),
-    "Stress over strain, with the strain from the extensometer.",
+    "Stress over strain, with the strain between the centres of the block's outermost layers.",
 );
 
 pub(super) const OUTPUTS: Outputs = Outputs {

@@ -31,9 +31,10 @@ const USUAL_DROP_S: f64 = 1.5;
 const RESPONSES: &[Response] = &[
     BONDS_INTACT_FRACTION.headline(),
     number("settle_time_s", "s",
-        "Mean over all fillets of the time from first contact until settled; null when some have not.").headline(),
+        "Mean settle time of all fillets: the time from first contact until a fillet has settled. Null if some fillets have not \
+         settled.").headline(),
     number("lowest_bonds_intact_fraction", "", "Share of unbroken bonds of the fillet with the most broken bonds.").headline(),
-    number("longest_settle_time_s", "s", "Maximum settle time of a fillet; null when some have not settled."),
+    number("longest_settle_time_s", "s", "Maximum settle time of all fillets. Null if some fillets have not settled."),
     number("settled_fraction", "", "Share of the fillets that have settled."),
     KINETIC_ENERGY_END_J,
     MAX_OVERLAP_RATIO,
@@ -47,12 +48,12 @@ const PLATE_FORCE: SeriesRow =
 const OVER: (&str, &str) = ("fillet", "1");
 #[rustfmt::skip]
 const SETTLE_TIME: CurveRow = curve("settle_time", "s", OVER,
-    "Settle time of each fillet that settled, by its number from 0.").headline();
+    "Settle time of each fillet that settled. Fillets are numbered from 0.").headline();
 const BONDS_OF_EACH: CurveRow = curve(
     "bonds_intact_fraction",
     "1",
     OVER,
-    "Share of unbroken bonds of each fillet, by its number from 0.",
+    "Share of unbroken bonds of each fillet. Fillets are numbered from 0.",
 );
 
 pub(super) const OUTPUTS: Outputs = Outputs {

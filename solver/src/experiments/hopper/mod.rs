@@ -37,98 +37,107 @@ const USUAL_SHARE: f64 = 0.6;
 #[rustfmt::skip]
 const RESPONSES: &[Response] = &[
     word("regime",
-        "By q = `lowest_rate_ratio`: `no_flow` below 0.15 unless 95 % came out, `inconsistent` (uneven) below 0.55, else \
-         `constant`. `outrun`: at `belt_capacity_kg_s` the filled mass is out within 0.5 s, so that q says nothing. `too_short`: less \
-         than 4 s simulated, neither empty nor jammed. Null without a belt capacity.").headline(),
+        "Kind of discharge, from q = `lowest_rate_ratio`. `no_flow`: q below 0.15, and less than 95 % out. `inconsistent` (uneven): \
+         other q below 0.55. `constant`: q of 0.55 and more. `outrun`: the belt at its capacity would empty the hopper within 0.5 s, \
+         so q says nothing. `too_short`: less than 4 s were simulated, and the hopper neither emptied nor jammed. Null without a belt \
+         capacity.").headline(),
     number("effective_throughput_kg_s", "kg/s",
-        "95 % of the filled mass, divided by the time until it was out; null when it was not. The definition is ours: the paper \
-         quotes 7.6 kg/s without one.").headline(),
-    number("mean_rate_kg_s", "kg/s", "Mean rate from 0.5 s until 80 % is out. The first 0.5 s, the spill at the start, does not count.").headline(),
+        "95 % of the filled mass, divided by the time until this mass was out. Null if less than 95 % came out. This definition is \
+         from Roost; the paper gives 7.6 kg/s without a definition.").headline(),
+    number("mean_rate_kg_s", "kg/s", "Mean rate from 0.5 s until 80 % is out. The first 0.5 s do not count, because fillets spill out \
+                                      when the shutter opens.").headline(),
     indicator("jammed",
-        "Whether the hopper jammed: nothing passed the gate for `jam_after_s`, or for a shorter `when_jammed_s`, while at least 5 % of \
-         the filled mass was inside. An arch that collapses later was a jam. Null when the simulation is shorter and the hopper not \
-         empty.").headline(),
+        "Whether the hopper jammed: nothing passed the gate for `jam_after_s` (or `when_jammed_s`, if shorter), while at least 5 % of \
+         the filled mass was inside. A jam counts even if the flow starts again later. Null if the simulation was shorter than this \
+         time and the hopper did not empty.").headline(),
     number("time_to_jam_s", "s",
-        "Time of the last passage before the first jam, 0 without a passage; null without a jam: its mean over replicates is that of the \
-         jammed runs alone."),
+        "Time of the last passage before the first jam; 0 if nothing had passed. Null without a jam, so the mean over replicates is \
+         the mean of the jammed runs only."),
     number("discharged_kg", "kg", "Mass out at the end.").headline(),
     number("discharged_kg_at_4s", "kg",
-        "Mass out at 4 s; the last value if the simulation ended sooner, empty or jammed.").headline(),
-    number("time_to_95_percent_s", "s", "Time at which 95 % was out; null when not reached.").headline(),
-    number("time_to_99_percent_s", "s", "Time at which 99 % was out; it depends on the last few fillets, so it varies a lot."),
+        "Mass out at 4 s. If the hopper emptied or jammed earlier and the simulation ended: the mass out at its end.").headline(),
+    number("time_to_95_percent_s", "s", "Time at which 95 % of the filled mass was out; null if less came out.").headline(),
+    number("time_to_99_percent_s", "s", "Time at which 99 % of the filled mass was out. This time depends on the last few fillets, so \
+                                         it varies a lot."),
     number("loaded_kg", "kg", "Mass of all fillets of the scenario."),
     number("filled_kg", "kg", "Mass in the hopper when the belt starts."),
-    number("fill_duration_s", "s", "Simulated time from dropping the fillets until the bed is at rest."),
+    number("fill_duration_s", "s", "Simulated time from the drop of the fillets until they are at rest in the hopper."),
     number("bulk_density_kg_m3", "kg/m³",
-        "Filled mass divided by the volume of the bed: hopper area times bed height, which 95 % of the floor does not exceed. Soft \
-         fillets overlap, so it can exceed the density of a fillet."),
+        "Filled mass divided by the volume of the bed, which is hopper area times bed height. Over 95 % of the floor, the bed is not \
+         higher than this bed height. Soft fillets overlap, so the bulk density can exceed the density of a fillet."),
     number("interpenetrated_fraction", "",
-        "Share of the sub-particles that lie inside another fillet when the belt starts: their centre is between the eight \
-         corners of one of its lattice cells."),
+        "Share of the sub-particles that lie inside another fillet when the belt starts. A sub-particle lies inside a fillet if its \
+         centre is in a cubic cell of the fillet's lattice."),
     number("peak_rate_kg_s", "kg/s",
-        "Maximum of the 1 s running mean of the rate. The plotted rate is a mean over 0.25 s, so its maximum is higher."),
+        "Maximum of the 1 s running mean of the rate. The series `mass_rate` is a mean over 0.25 s, so its maximum is higher."),
     number("rate_variation", "",
-        "Standard deviation divided by mean, of the 1 s running mean of the rate, from 0.5 s until 80 % is out."),
+        "Variation of the 1 s running mean of the rate: its standard deviation divided by its mean, from 0.5 s until 80 % is out."),
     boolean("steady", "Whether `rate_variation` is under 0.2."),
     number("longest_stoppage_s", "s",
-        "Longest time with a rate (mean over 0.25 s) below 0.15 `belt_capacity_kg_s`, until 80 % is out."),
+        "Longest time during which the rate (mean over 0.25 s) stays below 0.15 × `belt_capacity_kg_s`, until 80 % is out."),
     number("belt_capacity_kg_s", "kg/s",
         "Rate that the belt carries when the opening is full: `bulk_density_kg_m3` × `belt_speed_m_s` × `hopper_width_m` × \
-         `gate_opening_m`. With `parametric` false: × velocity of the belt's surface × `opening_width_m` × `opening_height_m`; null \
-         when these are not declared."),
-    number("lowest_rate_ratio", "", "q: minimum of the 1 s running mean of the rate from 0.5 s until 80 % is out, divided by `belt_capacity_kg_s`."),
-    number("linearity_r2", "", "R² of a straight line through the curve from 0 to `linearity_until_s`."),
-    number("linearity_until_s", "s", "End of the straight line: 4 s, or sooner if 80 % was out or the simulation ended."),
+         `gate_opening_m`. If `parametric` is false: `bulk_density_kg_m3` × velocity of the belt's surface × `opening_width_m` × \
+         `opening_height_m`; null if one of these fields is null."),
+    number("lowest_rate_ratio", "", "The ratio q: minimum of the 1 s running mean of the rate, divided by `belt_capacity_kg_s`. The \
+                                     minimum is taken from 0.5 s until 80 % is out."),
+    number("linearity_r2", "", "R² of a straight line through the curve of the mass out over time, from 0 to `linearity_until_s`."),
+    number("linearity_until_s", "s", "Time at which the straight line of `linearity_r2` ends: 4 s, or earlier if 80 % was out or the \
+                                      simulation ended."),
     number("greatest_height_m", "m",
-        "Height of the highest fillet left in the hopper at the end. A fillet that hangs on a wall counts."),
+        "Height of the highest fillet that is in the hopper at the end. A fillet that hangs on a wall also counts."),
     number("residence_mean_s", "s",
-        "Mean residence time of the fillets that left: from t = 0, or a later entry, until the centre of mass passes the gate plane.").headline(),
+        "Mean residence time of the fillets that left. The residence time runs from t = 0, or from a later entry, until the centre of \
+         mass passes the gate plane.").headline(),
     number("residence_5_percent_s", "s",
-        "Residence time that 5 % of the fillets do not exceed, by the estimator of Kaplan and Meier: fillets still inside count as \
-         longer than their time so far."),
-    number("residence_median_s", "s", "The same for 50 %; null if `residence_share` ends below."),
-    number("residence_95_percent_s", "s", "The same for 95 %; null if `residence_share` ends below."),
-    number("fillets_remaining", "", "Fillets in the hopper at the end whose centre of mass has not passed the gate plane."),
+        "Residence time that 5 % of the fillets do not exceed, by the estimator of Kaplan and Meier. For this estimator, fillets \
+         still inside have a residence time longer than their time so far."),
+    number("residence_median_s", "s", "The same for 50 % of the fillets; null if `residence_share` ends below 50 %."),
+    number("residence_95_percent_s", "s", "The same for 95 % of the fillets; null if `residence_share` ends below 95 %."),
+    number("fillets_remaining", "", "Number of fillets in the hopper at the end: their centre of mass has not passed the gate plane."),
     number("curl_angle_deg", "°",
-        "Mean bend angle of fillets up to 0.2 m past the gate, over all samples until 80 % is out. The bend angle is the angle \
-         between the directions of the two ends: 0 flat, 180 folded double."),
-    number("largest_curl_angle_deg", "°", "Maximum bend angle of these fillets."),
-    number("fed_kg", "kg", "Mass that the feed has brought in. It is below the mass due where fillets found no free place over the hopper, with the \
-         warning `feed_short`."),
-    number("inside_kg", "kg", "Mass in the hopper at the end, which has not passed the gate."),
+        "Mean bend angle of the fillets within 0.2 m past the gate, over all samples until 80 % is out. The bend angle is the angle \
+         between the directions of the two ends. It is 0° for a flat fillet, and 180° for a fillet that is folded double."),
+    number("largest_curl_angle_deg", "°", "Maximum bend angle of the fillets that count for `curl_angle_deg`."),
+    number("fed_kg", "kg", "Mass that the feed has brought in. If fillets found no free place above the hopper, this mass is less \
+                            than `feed_kg_s` × time, and the result has the warning `feed_short`."),
+    number("inside_kg", "kg", "Mass in the hopper at the end: the mass that has not passed the gate."),
     number("steady_rate_kg_s", "kg/s",
-        "Mean rate in the second half of the time from t = 0 on, for a hopper with a feed; null without one, or when nothing was simulated."),
+        "Mean rate in the second half of the time from t = 0 on, for a hopper with a feed. Null without a feed, or if nothing was \
+         simulated after t = 0."),
     BONDS_INTACT_FRACTION,
     KINETIC_ENERGY_END_J,
     MAX_OVERLAP_RATIO,
     ESCAPED_KG,
     PASSED_THROUGH,
-    number("mean_belt_power_w", "W", "Mean of the series `belt_power` until 80 % is out; with a feed, in the second half of the time from t = 0 on."),
+    number("mean_belt_power_w", "W", "Mean of the series `belt_power` until 80 % is out. With a feed: mean over the second half of \
+                                      the time from t = 0 on."),
     number("max_belt_power_w", "W", "Maximum of the series `belt_power`."),
     number("mean_gate_force_n", "N",
-        "Mean force on the surface named `gate` until 80 % is out; with a feed, in the second half of the time from t = 0 on. Null without such a surface."),
-    number("max_gate_force_n", "N", "Maximum of this force over all samples."),
+        "Mean force on the surface named `gate` until 80 % is out. With a feed: mean over the second half of the time from t = 0 on. \
+         Null without a surface of this name."),
+    number("max_gate_force_n", "N", "Maximum force on the surface named `gate`, over all samples."),
     WARNING_COUNT,
 ];
 
 const DISCHARGED_MASS: SeriesRow = series("discharged_mass", "kg", "Mass out.").headline();
 #[rustfmt::skip]
 const MASS_RATE: SeriesRow = series("mass_rate", "kg/s",
-    "Rate: mean over the 0.25 s around each sample; over a shorter time at both ends.").headline();
+    "Rate, as a mean over the 0.25 s around each sample. At the first and last samples this time is shorter.").headline();
 
 const INSIDE_MASS: SeriesRow =
-    series("inside_mass", "kg", "Mass in the hopper, which has not passed the gate.");
+    series("inside_mass", "kg", "Mass in the hopper: the mass that has not passed the gate.");
 
 #[rustfmt::skip]
 const BELT_POWER: SeriesRow = series("belt_power", "W",
-    "Power of all belts at the time of the sample: friction times belt speed, positive when the belt drives the fillets.");
+    "Power of all belts at the time of the sample: friction force times belt speed. It is positive when the belt drives the fillets.");
 
 const RESIDENCE_SHARE: CurveRow = curve(
     "residence_share",
     "1",
     ("residence_time", "s"),
-    "Share of the fillets that had left after this residence time (Kaplan and Meier). It ends below 1 when the longest times are \
-     those of fillets still inside.",
+    "Share of the fillets that had left after this residence time, by the estimator of Kaplan and Meier. The curve ends below 1 if \
+     fillets that are still inside have the longest times.",
 );
 
 pub(super) const OUTPUTS: Outputs = Outputs {

@@ -25,36 +25,38 @@ use crate::scenario::{Fault, FreeScene, Scenario};
 #[rustfmt::skip]
 const RESPONSES: &[Response] = &[
     number("time_to_rest_s", "s",
-        "Time at which all bodies came to rest: from then on 99.9 % of the sub-particles are slower than `rest_speed_m_s`. Rest \
-         lasts at least 0.1 s, longer with weak gravity. Null without rest.").headline(),
+        "Time at which all bodies came to rest. From this time on, 99.9 % of the sub-particles are slower than `rest_speed_m_s`, for \
+         at least 0.1 s (longer with weak gravity). Null if the bodies did not come to rest.").headline(),
     number("greatest_height_m", "m",
-        "Height of the top of the highest sub-particle at the end, from the origin against gravity; null when nothing is left.").headline(),
+        "Height of the top of the highest sub-particle at the end, measured from the origin against the direction of gravity. Null if \
+         nothing is left.").headline(),
     number("interpenetrated_fraction", "",
-        "Share of the sub-particles that lie inside another body at the end: their centre is between the eight corners of one of \
-         its lattice cells; null when nothing is left."),
-    number("bodies", "", "Number of bodies at the end; a body counts if a part of it is left."),
+        "Share of the sub-particles that lie inside another body at the end. A sub-particle lies inside a body if its centre is in a \
+         cubic cell of the body's lattice. Null if nothing is left."),
+    number("bodies", "", "Number of bodies at the end. A body counts if at least a part of it is left."),
     BONDS_INTACT_FRACTION,
     KINETIC_ENERGY_END_J,
     MAX_OVERLAP_RATIO,
     ESCAPED_KG,
     PASSED_THROUGH,
     number("max_surface_force_n", "N", "Maximum force on a surface, over all surfaces and samples; null without surfaces."),
-    number("max_surface_torque_n_m", "N·m", "Maximum torque on a surface, as in the series; null without surfaces."),
+    number("max_surface_torque_n_m", "N·m", "Maximum torque on a surface, over all surfaces and samples; null without surfaces."),
     number("mean_power_w", "W", "Mean of the series `power`."),
     number("max_power_w", "W", "Maximum of the series `power`."),
     WARNING_COUNT,
 ];
 
-const MASS: SeriesRow = series("mass", "kg", "Mass of everything that has not left.");
+const MASS: SeriesRow = series("mass", "kg", "Mass of all bodies that have not left the simulation.");
 #[rustfmt::skip]
 const POWER: SeriesRow = series("power", "W",
-    "Power of all belts and moving surfaces at the time of the sample: the work that their material does on the bodies, per time. For a \
-     belt it is friction times belt speed.");
+    "Power of all belts and moving surfaces at the time of the sample: the work per second that they do on the bodies. For a belt, it \
+     is the friction force times the belt speed.");
 
 const OVER: (&str, &str) = ("body", "1");
 #[rustfmt::skip]
 const POSITIONS: [CurveRow; 3] = [
-    curve("position_x", "m", OVER, "Centre of mass of each body at the end along x, by its number from 0, without bodies that left."),
+    curve("position_x", "m", OVER, "Position along x of the centre of mass of each body at the end. Bodies are numbered from 0. \
+                                    Bodies that left are missing."),
     curve("position_y", "m", OVER, "The same along y."),
     curve("position_z", "m", OVER, "The same along z."),
 ];

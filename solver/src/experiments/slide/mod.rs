@@ -29,10 +29,12 @@ const MARGIN_M: f64 = 0.1;
 #[rustfmt::skip]
 const RESPONSES: &[Response] = &[
     number("critical_angle_deg", "°",
-        "Tilt at which the fillet begins to slide without stopping again; null if it did not slide up to `max_tilt_deg`. Rolling counts.").headline(),
-    number("friction_angle_deg", "°", "atan μ, with the friction μ of `fillet_equipment`.").headline(),
-    boolean("slid", "Whether the fillet slid, so that `critical_angle_deg` is not null."),
-    boolean("rolled_over", "Whether the fillet's upper side faced the plate at any time."),
+        "Tilt at which the fillet begins to slide and does not stop again. Rolling also counts. Null if the fillet did not slide up \
+         to `max_tilt_deg`.").headline(),
+    number("friction_angle_deg", "°", "Angle atan μ, with the coefficient of friction μ of `fillet_equipment`, at which an ideal \
+                                       block slides.").headline(),
+    boolean("slid", "Whether the fillet slid. If true, `critical_angle_deg` is not null."),
+    boolean("rolled_over", "Whether the fillet rolled over: at some time its upper side faced the plate."),
     BONDS_INTACT_FRACTION,
     WARNING_COUNT,
 ];

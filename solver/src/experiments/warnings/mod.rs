@@ -139,8 +139,11 @@ pub const ALL_WARNINGS: &[&WarningKind] = &[
 ];
 
 /// The number of warnings, as a response of every experiment.
-pub(super) const WARNING_COUNT: Response =
-    number("warning_count", "", "Number of warnings; the result document has them under `warnings`.");
+pub(super) const WARNING_COUNT: Response = number(
+    "warning_count",
+    "",
+    "Number of warnings. The field `warnings` of the result document lists them.",
+);
 
 /// That response, by name.
 pub fn warning_count(warnings: &[Warning]) -> (String, Value) {

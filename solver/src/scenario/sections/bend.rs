@@ -38,15 +38,16 @@ pub enum Support {
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     choice("/bend/support", &["over_bar", "off_ledge", "clamped"], "section 2.3.2",
-        "`over_bar`: across a bar, both ends hang. `off_ledge`: carried off the end of a conveyor. `clamped`: held at its blunt end."),
+        "Support of the fillet. `over_bar`: a bar, over which both ends hang. `off_ledge`: a conveyor, which carries the fillet over \
+         its end. `clamped`: a clamp at the blunt end."),
     number("/bend/bar_radius_m", "m", 0.02, from_to(0.002, 1.0), "assumed",
         "Radius of the bar, or of the roller at the conveyor's end."),
     number("/bend/belt_speed_m_s", "m/s", 0.25, from_to(0.0, 10.0), "section 2.4",
         "Speed of the conveyor, for `off_ledge`."),
     number("/bend/clamped_share", "", 0.25, between(0.0, 1.0), "assumed",
-        "Share of the fillet's length that is held, for `clamped`."),
+        "Share of the fillet's length that the clamp holds, for `clamped`."),
     number("/bend/scatter_deg", "°", 0.0, from_to(0.0, 45.0), "assumed",
-        "Maximum random deviation of the fillet's yaw, drawn by `/seed`."),
+        "Maximum random deviation of the fillet's yaw. The random numbers depend on `/seed`."),
 ];
 
 /// The experiment in documents.

@@ -51,28 +51,30 @@ const STRENGTH: Range = above_to(0.0, 1e300);
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     choice("/bonds/formulation", &["corotated", "as_published", "finite_extension"], "eq. 6",
-        "Rule for the bond force. `corotated`: turns with the bond. `as_published`: keeps its direction. `finite_extension`: as \
-         `corotated`, and stiffens near breakage."),
+        "Rule for the bond force. `corotated`: the force turns with the bond. `as_published`: the force keeps its direction. \
+         `finite_extension`: as `corotated`, and the bond becomes stiffer before it breaks."),
     integer("/bonds/types", 2, from_to(1.0, 2.0), "section 2.2",
-        "Sub-particle types (Fig. 2). 2: bonds only along the lattice edges. 1: also across diagonals within the contact radius."),
+        "Number of types of sub-particles (Fig. 2). 2: bonds only along the edges of the lattice. 1: also bonds along diagonals that \
+         are shorter than twice the contact radius."),
     number("/bonds/normal_stiffness_n_m3", "N/m³", 1e6, above_to(0.0, 1e12), "Table 2",
-        "Normal stiffness per unit area, S_n."),
+        "Stiffness S_n of a bond along its length, per unit area."),
     number("/bonds/shear_stiffness_n_m3", "N/m³", 6e5, from_to(0.0, 1e12), "Table 2",
-        "Shear stiffness per unit area, S_t."),
+        "Stiffness S_t of a bond across its length (shear), per unit area."),
     field("/bonds/reference_radius_m", FieldKind::Nullable(from_to(5e-4, 0.05)), "m", Preset::Number(0.004), "section 2.2",
-        "Sub-particle radius R_ref at which S_n and S_t hold. At another radius R they are multiplied by R_ref / R, so that \
-         the modulus of the lattice stays. Null: no factor."),
+        "Radius R_ref of the sub-particles for which S_n and S_t are given. At another radius R, Roost multiplies both by R_ref / R, \
+         so that the lattice keeps its modulus. Null: no factor."),
     number("/bonds/contact_radius_ratio", "", 1.732, above_to(1.0, 1.732), "Table 2",
-        "Contact radius over sub-particle radius. A bond breaks when it is longer than twice the contact radius. Keep it below √3."),
+        "Contact radius divided by the radius of a sub-particle. A bond breaks when it is longer than twice the contact radius. Keep \
+         the ratio below √3."),
     number("/bonds/disk_scale", "", 1.0, above_to(0.0, 2.0), "assumed",
-        "Radius of the bond disk over that of a sub-particle, R_b / R."),
+        "Radius R_b of the cross-section of a bond, divided by the radius R of a sub-particle."),
     number("/bonds/moment_stiffness_factor", "", 0.0, from_to(0.0, 10.0), "assumed",
-        "Bending and twisting stiffness of a bond, as a multiple of the parallel bond of Potyondy and Cundall 2004. 0: bonds carry no \
-         moments, as in the paper. 1: S_n I and S_t J."),
+        "Bending and twisting stiffness of a bond, divided by the stiffness of the parallel bond of Potyondy and Cundall 2004 (S_n I \
+         and S_t J). 0: bonds carry no moments, as in the paper."),
     flag("/bonds/contact_between_bonded", true, "assumed",
-        "Whether bonded neighbours also have a contact force, as in the commercial model."),
+        "Whether two neighbours with a bond also have a contact force, as in the commercial software that the paper used."),
     nullable("/bonds/normal_strength_pa", "Pa", STRENGTH, "Table 2 has 1e300",
-        "Normal strength of a bond; null: stress does not break it."),
+        "Stress along a bond at which the bond breaks. Null: no stress along the bond breaks it."),
     nullable("/bonds/shear_strength_pa", "Pa", STRENGTH, "Table 2 has 1e300",
-        "Shear strength of a bond; null: stress does not break it."),
+        "Shear stress at which a bond breaks. Null: no shear stress breaks the bond."),
 ];

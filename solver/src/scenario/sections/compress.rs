@@ -38,17 +38,18 @@ pub enum Plates {
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     field("/compress/lattice", FieldKind::Counts(from_to(1.0, 200.0)), "", Preset::Counts([10, 10, 3]), "section 2.3.2",
-        "Sub-particles of the block along x, y and z. 10 × 10 × 3 with a radius of 1.75 mm are 35 × 35 × 10.5 mm."),
+        "Numbers of sub-particles of the block along x, y and z. With a radius of 1.75 mm, 10 × 10 × 3 sub-particles are 35 × 35 × \
+         10.5 mm."),
     number("/compress/strain_rate_1_s", "1/s", 0.05, above_to(0.0, 10.0), "assumed",
-        "Rate of strain; the paper's 1 mm/min on 10 mm is 0.0017 1/s."),
+        "Strain rate. The paper compresses 10 mm at 1 mm/min, a strain rate of 0.0017 1/s."),
     number("/compress/max_strain", "", 0.06, above_to(0.0, 0.5), "Fig. 6",
-        "Strain, from first contact on, at which the test ends."),
+        "Strain at which the test ends, counted from the first contact."),
     number("/compress/modulus_from_strain", "", 0.0, from_to(0.0, 0.5), "section 3.1",
         "Start of the strain range to which the modulus is fitted."),
     number("/compress/modulus_to_strain", "", 0.03, above_to(0.0, 0.5), "section 3.1",
         "End of the strain range to which the modulus is fitted."),
     choice("/compress/plates", &["rough", "frictionless"], "assumed",
-        "`rough`: plates with the friction of the equipment. `frictionless`: plates without friction."),
+        "Kind of the plates. `rough`: plates with the friction of the equipment. `frictionless`: plates without friction."),
 ];
 
 /// The experiment in documents.

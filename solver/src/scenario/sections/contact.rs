@@ -53,23 +53,24 @@ const SURFACE_ENERGY: Range = from_to(0.0, 10.0);
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     choice("/contact/condition", &["dry", "wet"], "section 2.4",
-        "Surface of the fillets. `wet` only changes defaults; a value that you write has priority."),
+        "Surface of the fillets. `wet` changes two defaults: the surface energy between fillets and the friction on the belt. If you \
+         write a value yourself, Roost uses your value."),
     nullable("/contact/surface_energy_radius_m", "m", above_to(0.0, 0.05), "assumed",
-        "Radius R₀ of the sub-particles for which the surface energies are given. The energy at radius R is then γ R/R₀, and \
-         a surface pulls with 3πγ/(4 R₀) per area at any R, as a liquid film does. Null: γ at any radius."),
+        "Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ R/R₀. A \
+         surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: γ at every radius."),
     number("/contact/fillet_fillet/static_friction", "", 0.1, FRICTION, "Table 2",
         "Coulomb coefficient of friction between fillets."),
     number("/contact/fillet_fillet/restitution", "", 1e-4, RESTITUTION, "Table 2",
         "Coefficient of restitution between fillets."),
     number("/contact/fillet_fillet/surface_energy_j_m2", "J/m²", 0.055, SURFACE_ENERGY, "Table 2",
-        "Surface energy γ between fillets. Wet: assumed to be the surface tension of water at 20 °C.")
+        "Surface energy γ between fillets. Wet: the surface tension of water at 20 °C (assumed).")
         .wet(0.0728),
     number("/contact/fillet_fillet_radius_ratio", "", 1.0, RADIUS_RATIO, "assumed",
-        "Radius of a sub-particle towards other fillets, over `/product/subparticle_radius_m`. At 1 the lattice has holes that \
-         sub-particles of other fillets slip into; 1.225 closes them.")
+        "Radius of a sub-particle in contacts with other fillets, divided by `/product/subparticle_radius_m`. At 1, a sub-particle of \
+         one fillet can slip between the sub-particles of another fillet. At 1.225 it cannot.")
         .by_name(),
     number("/contact/fillet_equipment/static_friction", "", 0.5, FRICTION, "Table 2",
-        "Coulomb coefficient of friction on walls, gate and back plate; equal when wet (Fig. 8b)."),
+        "Coulomb coefficient of friction on walls, gate and back plate. Wet fillets have the same value (Fig. 8b)."),
     same_as("/contact/fillet_fillet/restitution",
         "/contact/fillet_equipment/restitution", "", RESTITUTION, "Table 2",
         "Coefficient of restitution on walls, gate and back plate."),
@@ -77,8 +78,8 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "/contact/fillet_equipment/surface_energy_j_m2", "J/m²", SURFACE_ENERGY, "Table 2",
         "Surface energy γ on walls, gate and back plate."),
     number("/contact/fillet_belt/static_friction", "", 0.5, FRICTION, "assumed",
-        "Coulomb coefficient of friction on the belt; the paper did not measure it. Dry: as on steel plate. Wet: assumed so low \
-         that the belt slips, as section 3.4 reports.")
+        "Coulomb coefficient of friction on the belt, which the paper did not measure. Dry: the value for a steel plate. Wet: a value \
+         so low that the belt slips under the fillets, as section 3.4 reports.")
         .wet(0.2),
     same_as("/contact/fillet_fillet/restitution",
         "/contact/fillet_belt/restitution", "", RESTITUTION, "assumed",

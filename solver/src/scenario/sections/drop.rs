@@ -26,15 +26,15 @@ pub struct Drop {
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/drop/speed_m_s", "m/s", 2.0, from_to(0.0, 30.0), "Fig. 11",
-        "Speed at which fillets reach the plate, downwards; a free fall of 0.2 m reaches 2 m/s."),
+        "Downward speed of the fillets when they reach the plate. A free fall of 0.2 m gives 2 m/s."),
     number("/drop/yaw_deg", "°", 0.0, ANGLE, "Fig. 10",
-        "Yaw: rotation about the vertical. At yaw, pitch and roll of 0 the fillet lies flat, its length along x."),
+        "Yaw: rotation about the vertical axis. If yaw, pitch and roll are 0, the fillet lies flat with its length along x."),
     number("/drop/pitch_deg", "°", 0.0, ANGLE, "Fig. 10",
-        "Pitch: rotation about the fillet's width, after yaw; at 90 the fillet falls tail first."),
+        "Pitch: rotation about the fillet's width, after the yaw. At 90° the fillet falls tail first."),
     number("/drop/roll_deg", "°", 0.0, ANGLE, "Fig. 10",
-        "Roll: rotation about the fillet's length, after pitch; at 90 the fillet falls on its side."),
+        "Roll: rotation about the fillet's length, after the pitch. At 90° the fillet falls on its side."),
     number("/drop/scatter_deg", "°", 0.0, SCATTER, "assumed",
-        "Maximum random deviation of each fillet's yaw, pitch and roll, drawn by `/seed`."),
+        "Maximum random deviation of each fillet's yaw, pitch and roll. The random numbers depend on `/seed`."),
 ];
 
 /// The experiment in documents.
@@ -43,7 +43,7 @@ pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     name: "drop",
     question: "Does a fillet survive an impact, and how long does it move?",
     sections: &[
-        section("/drop", Some("drop"), "Fillets that hit a plate, each by itself."),
+        section("/drop", Some("drop"), "Fillets that hit a plate. Each fillet has a plate of its own."),
     ],
     fields: FIELDS,
     takes: &[

@@ -57,36 +57,39 @@ pub enum SideWalls {
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/equipment/gate_opening_m", "m", 0.06, from_to(0.001, 5.0), "Fig. 5",
-        "Height of the gate's lower edge above the belt. With `parametric` false it does nothing: see `opening_height_m`.")
+        "Height of the gate's lower edge above the belt. If `parametric` is false, this field has no effect: see `opening_height_m`.")
         .acts_from_start(),
     number("/equipment/hopper_width_m", "m", 0.59, from_to(0.01, 10.0), "derived",
-        "Inner width of the hopper across the belt (y); derived from 33.2 kg in 4 s."),
+        "Inner width of the hopper across the belt (y), derived from the paper's discharge of 33.2 kg in 4 s."),
     number("/equipment/hopper_length_m", "m", 0.30, from_to(0.01, 10.0), "derived",
-        "Inner length of the hopper along the belt (x), at the belt."),
+        "Inner length of the hopper along the belt (x), measured at the belt."),
     number("/equipment/hopper_height_m", "m", 0.5, from_to(0.01, 10.0), "assumed",
         "Height of the hopper walls above the belt."),
     number("/equipment/wall_slope_deg", "°", 0.0, from_to(0.0, 80.0), "assumed",
         "Slope of the back wall from the vertical; the hopper widens upwards."),
     choice("/equipment/side_walls", &["rough", "frictionless", "periodic"], "section 2.4",
-        "The walls along the belt. `rough`: with the equipment's friction. `frictionless`: a slice of a wide hopper. `periodic`: no \
-         walls; a fillet that leaves on one side enters on the other."),
+        "The two walls along the belt. `rough`: walls with the friction of the equipment. `frictionless`: walls without friction, for \
+         a slice of a wide hopper. `periodic`: no walls; a fillet that leaves on one side enters on the other side."),
     number("/equipment/belt_speed_m_s", "m/s", 0.25, from_to(0.0, 10.0), "section 2.4",
-        "Speed of the belt from t = 0 on; the paper has 15 m/min. With `parametric` false the belt among `surfaces` has its own.")
+        "Speed of the belt from t = 0 on. The paper's belt runs at 15 m/min. If `parametric` is false, the belt in `surfaces` has a \
+         speed of its own.")
         .acts_from_start(),
     flag("/equipment/shutter_while_filling", true, "assumed",
         "Whether a shutter closes the opening until the belt starts."),
     number("/equipment/feed_kg_s", "kg/s", 0.0, from_to(0.0, 1000.0), "assumed",
-        "Mass of fillets that enters from above per second, from t = 0 on. They fall from `hopper_height_m`, at random places where \
-         they touch nothing. 0: no feed."),
+        "Mass of fillets per second that enters from above, from t = 0 on. The fillets start at the height `hopper_height_m`, at \
+         random places where they touch nothing. 0: no feed."),
     flag("/equipment/parametric", true, "assumed",
-        "Whether Roost makes belt, walls, gate and shutter from these fields. False: only `surfaces` exist."),
+        "True: Roost makes belt, walls, gate and shutter from the fields of this table. False: the hopper consists only of \
+         `surfaces`."),
     flag("/equipment/surface_loads", false, "numerics",
-        "Whether the result has the series of force and torque on each surface. They make it ten times as large."),
+        "Whether the result has the series of force and torque on each surface. These series make the result ten times as large."),
     nullable("/equipment/opening_width_m", "m", from_to(0.001, 10.0), "assumed",
-        "With `parametric` false: inner width of the opening under the gate. Null: no belt capacity, and `regime` is null.")
+        "Inner width of the opening under the gate, if `parametric` is false. Null: the result has no belt capacity and no `regime`.")
         .acts_from_start(),
     nullable("/equipment/opening_height_m", "m", from_to(0.001, 5.0), "assumed",
-        "With `parametric` false: height of the gate's lower edge above the belt. Null: no belt capacity, and `regime` is null.")
+        "Height of the gate's lower edge above the belt, if `parametric` is false. Null: the result has no belt capacity and no \
+         `regime`.")
         .acts_from_start(),
 ];
 

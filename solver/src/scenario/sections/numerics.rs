@@ -74,16 +74,17 @@ const TIME: Range = above_to(0.0, 600.0);
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     field("/numerics/timestep_s", FieldKind::NumberOrAuto(from_to(1e-9, 0.1)), "s", Preset::Number(5.75e-5), "Table 2",
-        "Time step. `auto`: the stability limit with a margin, from stiffness, mass, damping and the speed at the start."),
+        "Time step. `auto`: Roost computes a time step safely below the stability limit, from stiffness, mass, damping and the speed \
+         at the start."),
     number("/numerics/duration_s", "s", 6.0, TIME, "numerics",
-        "Simulated time from t = 0: the start of the belt, or of the test.")
+        "Simulated time from t = 0 on. At t = 0 the belt or the test starts.")
         .acts_from_start()
         .by_name(),
     number("/numerics/output_interval_s", "s", 0.02, above_to(0.0, 0.1), "numerics",
-        "Interval between samples."),
+        "Time between two samples of the series."),
     number("/numerics/jam_after_s", "s", 1.0, TIME, "numerics",
-        "A hopper has jammed when nothing passes the gate for this long while at least 5 % of the filled mass is inside. A shorter \
-         `when_jammed_s` counts instead.")
+        "A hopper has jammed when nothing passes the gate for this time, while at least 5 % of the filled mass is inside. If \
+         `when_jammed_s` is shorter, it replaces this time.")
         .acts_from_start()
         .by_name(),
     flag("/numerics/stop/when_empty", true, "numerics",
@@ -91,22 +92,23 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         .acts_from_start()
         .by_name(),
     nullable("/numerics/stop/when_jammed_s", "s", TIME, "numerics",
-        "The simulation ends when nothing has passed the gate for this long, whatever is left inside; null: never.")
+        "The simulation ends when nothing has passed the gate for this time, even if little mass is left inside. Null: a jam does not \
+         end the simulation.")
         .acts_from_start()
         .by_name(),
     flag("/numerics/stop/when_done", true, "numerics",
-        "Whether the simulation ends when its responses are known: fillets at rest, or sliding, or the block compressed.")
+        "Whether the simulation ends as soon as its result is known: when the fillets rest or slide, or when the block is compressed.")
         .acts_from_start()
         .by_name(),
     number("/numerics/gravity_m_s2", "m/s²", 9.81, from_to(0.0, 100.0), "assumed",
-        "Acceleration of gravity, downwards; 0 by default in `compress`, where the block's weight would distort the curve."),
+        "Acceleration of gravity, downwards. The default in `compress` is 0, because the weight of the block would distort the curve."),
     number("/numerics/rest_speed_m_s", "m/s", 0.05, above_to(0.0, 1.0), "numerics",
-        "The bed is at rest, and the belt starts, when 99.9 % of the sub-particles are slower than this."),
+        "The fillets are at rest when 99.9 % of the sub-particles are slower than this speed. Then the belt or the test starts."),
     number("/numerics/max_fill_s", "s", 10.0, TIME, "numerics",
-        "If the bed is not at rest after this time, the simulation ends.")
+        "If the fillets are not at rest after this time, the simulation ends.")
         .by_name(),
     number("/numerics/speed_limit_m_s", "m/s", 30.0, from_to(1.0, 10_000.0), "numerics",
-        "A sub-particle that is faster ends the simulation as `unstable`."),
+        "If a sub-particle is faster than this speed, the simulation ends as `unstable`."),
     flag("/numerics/allow_unstable", false, "numerics",
-        "Whether time steps above the stability limit are accepted, for stability studies."),
+        "Whether Roost accepts a time step above the stability limit, for studies of stability."),
 ];

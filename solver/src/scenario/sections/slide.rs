@@ -24,13 +24,13 @@ pub struct Slide {
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/slide/tilt_rate_deg_s", "°/s", 3.0, from_to(0.1, 30.0), "section 2.3.2",
-        "Tilt rate of the plate. Above 6 °/s the measured angle lags behind."),
+        "Angular speed at which the plate is tilted. Above 6 °/s, the error of the measured angle grows."),
     number("/slide/max_tilt_deg", "°", 60.0, from_to(1.0, 89.0), "assumed",
         "Maximum tilt of the plate."),
     number("/slide/yaw_deg", "°", 0.0, ANGLE, "assumed",
-        "Direction of the fillet on the plate; at 0 its length points up the slope."),
+        "Direction of the fillet on the plate. At 0° its length points up the slope."),
     number("/slide/scatter_deg", "°", 0.0, SCATTER, "assumed",
-        "Maximum random deviation of the fillet's yaw, drawn by `/seed`."),
+        "Maximum random deviation of the fillet's yaw. The random numbers depend on `/seed`."),
 ];
 
 /// The experiment in documents.

@@ -87,28 +87,30 @@ pub(in crate::scenario) const ITEMS: &str = "/scene/surfaces/*";
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     field("/scene/surfaces/*/name", FieldKind::Text, "", Preset::Required, "assumed",
-        "Name of the surface, in messages and series; each surface has its own."),
+        "Name of the surface in messages and series. Each surface needs another name."),
     field("/scene/surfaces/*/mesh", FieldKind::Mesh, "", Preset::Null, "assumed",
-        "Triangles from an STL file; give exactly one of `mesh` and `plate_m`. A closed part whose normals point outwards \
-         is solid. A closed box around the fillets needs normals that point inwards."),
+        "Triangles from an STL file. Give either `mesh` or `plate_m`. If the normals of a closed part point outwards, the part is \
+         solid. If a closed box contains the fillets, its normals must point inwards."),
     field("/scene/surfaces/*/plate_m", FieldKind::Plate(PLACE), "m", Preset::Null, "assumed",
-        "A flat parallelogram: a corner, and the two edges that leave it."),
+        "A flat parallelogram: a corner, and two edges as vectors from this corner."),
     choice("/scene/surfaces/*/kind", &["equipment", "belt", "frictionless"], "Table 2",
-        "Contact parameters. `equipment`: `/contact/fillet_equipment`. `belt`: `/contact/fillet_belt`. `frictionless`: `equipment` with zero friction."),
+        "Contact parameters of the surface. `equipment`: those of `/contact/fillet_equipment`. `belt`: those of \
+         `/contact/fillet_belt`. `frictionless`: as `equipment`, but without friction."),
     nullable("/scene/surfaces/*/static_friction", "", FRICTION, "assumed",
-        "Coulomb coefficient of friction of this surface; null: that of its `kind`."),
+        "Coulomb coefficient of friction of this surface. Null: the coefficient of its `kind`."),
     vector("/scene/surfaces/*/position_m", "m", ORIGIN, PLACE, "assumed",
-        "Position of the origin of its triangles."),
+        "Position of the surface: the point at which the origin of its triangles is placed."),
     vector("/scene/surfaces/*/orientation_deg", "°", ORIGIN, ANGLE, "assumed",
-        "Rotation about `position_m`: yaw, pitch and roll."),
+        "Rotation of the surface about `position_m`: yaw, pitch and roll."),
     choice("/scene/surfaces/*/motion", &["fixed", "belt", "moving"], "assumed",
-        "Motion from t = 0 on. `fixed`: none. `belt`: the surface stays and its material runs. `moving`: the surface moves and turns."),
+        "Motion from t = 0 on. `fixed`: no motion. `belt`: the surface stays in its place, and its material runs like a belt. \
+         `moving`: the surface moves and turns."),
     vector("/scene/surfaces/*/velocity_m_s", "m/s", ORIGIN, SPEED, "assumed",
-        "`belt`: velocity of the material. `moving`: velocity of the pivot."),
+        "With the motion `belt`: velocity of the material. With the motion `moving`: velocity of the pivot."),
     vector("/scene/surfaces/*/spin_deg_s", "°/s", ORIGIN, from_to(-36_000.0, 36_000.0), "assumed",
-        "`moving`: angular velocity about the pivot."),
+        "With the motion `moving`: angular velocity about the pivot."),
     vector("/scene/surfaces/*/pivot_m", "m", ORIGIN, PLACE, "assumed",
-        "`moving`: point about which the surface turns, at t = 0."),
+        "With the motion `moving`: position at t = 0 of the pivot, the point about which the surface turns."),
     choice("/scene/surfaces/*/presence", &["always", "until_start"], "assumed",
-        "`always`, or `until_start`: the surface disappears at t = 0, as a shutter."),
+        "Time during which the surface exists. `always`: the whole simulation. `until_start`: until t = 0, like a shutter."),
 ];
