@@ -116,8 +116,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     ];
     let mut findings = vec![
         "The mass of 33.2 kg in 4 s does not validate the model. The paper's text does not give the hopper's dimensions, so the width \
-         was derived from this mass. The derivation assumes that a layer of 6 cm at 940 kg/m³ and 0.25 m/s carries 14.1 kg/s per \
-         metre of width."
+         was derived from this mass. The derivation assumes a layer of 6 cm with 940 kg/m³ and a speed of 0.25 m/s, which carries \
+         14.1 kg/s per metre of width."
             .to_owned(),
     ];
     let until = seeds("time_to_95_percent_s");

@@ -73,13 +73,13 @@ fn cause_finding(dry: &Replicates, frictions: &[(f64, Replicates)], sticky: &Rep
     let reduced: Vec<String> = frictions
         .iter()
         .map(|(friction, seeds)| {
-            Some(format!("{} kg/s with {}", rounded(seeds.mean()?, 2), significant(*friction)))
+            Some(format!("{} kg/s ({})", rounded(seeds.mean()?, 2), significant(*friction)))
         })
         .collect::<Option<_>>()?;
     let minimum = frictions.iter().filter_map(|(_, rates)| rates.mean()).reduce(f64::min)?;
     let mut text = format!(
-        "At 6 cm, dry, the mean rate is {} kg/s with a belt friction of 0.5. The rate is {}. A surface energy of {STICKY_J_M2} J/m² \
-         in all contacts, in place of 0.055 J/m², changes the rate to {} kg/s.",
+        "At 6 cm, dry, the mean rate is {} kg/s with a belt friction of 0.5. With a lower friction (in brackets), the rate is {}. A \
+         surface energy of {STICKY_J_M2} J/m² in all contacts, in place of 0.055 J/m², changes the rate to {} kg/s.",
         rounded(dry_kg_s, 2),
         reduced.join(", "),
         rounded(sticky_kg_s, 2)
@@ -214,7 +214,7 @@ mod tests {
         let text = cause_finding(&seeds(8.0), &frictions(1.0), &seeds(7.5)).unwrap();
         assert!(
             text.contains(
-                "8.00 kg/s with a belt friction of 0.5. The rate is 6.00 kg/s with 0.3, 1.00 kg/s with 0.1"
+                "8.00 kg/s with a belt friction of 0.5. With a lower friction (in brackets), the rate is 6.00 kg/s (0.3), 1.00 kg/s (0.1)"
             ),
             "{text}"
         );
