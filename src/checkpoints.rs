@@ -28,16 +28,18 @@ const FILL_CACHE_BYTES: u64 = 4 << 30;
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Checkpoints")]
 pub(crate) struct CheckpointArgs {
-    /// Save the run at this interval, and at Ctrl-C; the same command continues from there. Such as 30s, 5m or 1h
+    /// Store a checkpoint of the run at this interval, such as 30s, 5m or 1h, and at Ctrl-C. The same command then continues from the
+    /// checkpoint
     #[arg(long, value_name = "TIME", value_parser = interval, conflicts_with = "frames")]
     checkpoint_every: Option<Duration>,
-    /// Begin at zero, although the folder has a checkpoint
+    /// Begin at zero, even if the folder has a checkpoint
     #[arg(long, requires = "checkpoint_every")]
     from_start: bool,
-    /// Folder of filled hoppers, which runs with the same fill start from; an empty name turns it off [default: roost/fills in the user's cache folder]
+    /// Folder of filled hoppers, from which other runs with the same fill start; with an empty name, nothing is stored [default:
+    /// roost/fills in the user's cache folder]
     #[arg(long, value_name = "DIR", env = "ROOST_FILLS")]
     fills: Option<OsString>,
-    /// Fill the hopper anew, and do not keep the filled state
+    /// Fill the hopper in this run, and do not keep the filled state
     #[arg(long)]
     no_shared_fill: bool,
 }

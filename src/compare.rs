@@ -12,8 +12,8 @@ use crate::target;
 
 /// Compare two design points of a sweep
 ///
-/// Prints the mean of each response at both points and their difference with its 95 % interval. Where both points have the same
-/// seeds, the interval comes from the differences by seed.
+/// Prints the mean of each response at both points, and the difference with its 95 % interval. If both points have the same seeds, the
+/// interval comes from the differences of runs with the same seed.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep
@@ -21,11 +21,11 @@ pub(crate) struct Args {
     id: Uuid,
     /// Index of the first design point; `roost results --by point` lists them
     from: u32,
-    /// Index of the second design point, another one
+    /// Index of the second design point
     to: u32,
     #[command(flatten)]
     server: target::Server,
-    /// All responses, not only the headline ones
+    /// Show all responses, not only the main responses
     #[arg(long)]
     all: bool,
     /// Print JSON

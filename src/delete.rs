@@ -8,7 +8,7 @@ use uuid::Uuid;
 
 use crate::target;
 
-/// Delete a sweep with all its results; without --yes only show their number
+/// Delete a sweep with all its results; without --yes, only show how many there are
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep

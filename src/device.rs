@@ -10,13 +10,13 @@ pub(crate) struct DeviceArgs {
     /// Backend [default: a discrete GPU if there is one, else the CPU]
     #[arg(long, value_enum)]
     backend: Option<Backend>,
-    /// Part of the name of the graphics adapter, if there are several
+    /// Graphics adapter to use: a part of its name, if there are several adapters
     #[arg(long, value_name = "NAME")]
     device: Option<String>,
-    /// Accept a software adapter as a GPU; for tests, since the CPU backend is faster
+    /// Accept a GPU that software emulates. Use it only for tests, because the CPU backend is faster
     #[arg(long)]
     allow_software: bool,
-    /// GPU memory for jobs in MiB; larger jobs are refused [default: jobs share 4096, and a larger job runs alone]
+    /// GPU memory for all jobs together, in MiB; a job that needs more is refused [default: 4096, and a job that needs more runs alone]
     #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
     gpu_memory: Option<u32>,
 }

@@ -12,9 +12,9 @@ use crate::target;
 
 /// Show the effect of each factor of a sweep on each response
 ///
-/// The effect is the change of the response from the minimum to the maximum of the factor, along a straight line. ρ is
-/// Spearman's rank correlation, and p its p-value. The 95 % interval of an effect says how far other seeds would move it; it uses the seeds
-/// that all design points have in common.
+/// The effect is the change of the response from the minimum to the maximum of the factor, along a straight line through the results. ρ is
+/// Spearman's rank correlation, and p its p-value. The 95 % interval says how much the effect would change with other seeds. It uses only
+/// the seeds that all design points have.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep
@@ -22,7 +22,7 @@ pub(crate) struct Args {
     id: Uuid,
     #[command(flatten)]
     server: target::Server,
-    /// All responses, not only the headline ones
+    /// Show all responses, not only the main responses
     #[arg(long)]
     all: bool,
     /// Print JSON, with the mean at each level

@@ -18,7 +18,7 @@ const MB: f64 = 1e6;
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Frames")]
 pub(crate) struct FrameArgs {
-    /// Write frames into this folder and replace those of an earlier run: frames.pvd for ParaView, run.roostframes for the web
+    /// Write frames into this folder, and replace the frames of an earlier run: frames.pvd for ParaView, run.roostframes for the web
     #[arg(long, value_name = "DIR")]
     frames: Option<PathBuf>,
     /// Simulated time between frames, rounded to a multiple of numerics.output_interval_s
@@ -27,7 +27,8 @@ pub(crate) struct FrameArgs {
     /// Files to write
     #[arg(long, requires = "frames", value_enum, default_value_t = Format::Both)]
     frame_format: Format,
-    /// Maximum size of all frames; a run with a larger forecast is refused, and recording stops at the limit
+    /// Maximum size of all frames. The run is refused if the forecast size is larger. The recording stops if the real size reaches the
+    /// maximum
     #[arg(long, requires = "frames", default_value_t = 2000, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     frame_limit_mb: u64,
 }

@@ -10,7 +10,7 @@ use crate::target::{self, Target};
 /// Pause sweeps or jobs: workers store a checkpoint of running jobs and hand them back within seconds
 ///
 /// A paused job keeps its place in the queue, and no worker claims it. `roost resume` ends the pause; the job then continues from its
-/// checkpoint. Jobs that record frames, or of a server without checkpoints, begin again. Jobs that are added to a paused sweep are
+/// checkpoint. A job begins at zero if it records frames, or if the server stores no checkpoints. Jobs that are added to a paused sweep are
 /// not paused.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Pause {

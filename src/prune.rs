@@ -10,7 +10,7 @@ use crate::delete::DeleteArgs;
 
 /// Delete sweeps and single jobs that ended long ago; without --yes only show them
 ///
-/// Also deletes their results, and meshes of that age that nothing uses any more. `roost serve --prune-after` does the same
+/// The command also deletes their results, and meshes of the same age that nothing uses any more. `roost serve --prune-after` does the same
 /// automatically.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {

@@ -28,7 +28,8 @@ pub(crate) struct Args {
     /// Format: a short table, or JSON, CSV or Parquet with all responses
     #[arg(long, value_enum, default_value_t = Format::Table)]
     format: Format,
-    /// Rows: one per trial, or one per design point with means and 95 % intervals over its replicates
+    /// Rows of the table. `trial`: one row for each replicate of a design point. `point`: one row for each design point, with means and 95
+    /// % intervals over its replicates
     #[arg(long, value_enum, default_value_t = By::Trial)]
     by: By,
     /// Write to this file instead of stdout

@@ -8,9 +8,9 @@ use uuid::Uuid;
 use crate::list;
 use crate::target::{self, Target};
 
-/// Queue the failed and cancelled jobs of a sweep, or one job, again
+/// Queue the failed and cancelled jobs of a sweep again, or one job
 ///
-/// A cancelled study goes on by the retry of its sweep, which has the same id.
+/// To continue a cancelled study, retry its sweep, which has the same id.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep or a job

@@ -24,7 +24,8 @@ use crate::{frames, meshes, output};
 
 /// Simulate one scenario without a server
 ///
-/// Writes result.json, series.csv and curve.svg. Ctrl-C stops the simulation and writes the result so far; with --checkpoint-every the same command then continues.
+/// Writes result.json, series.csv and curve.svg. Ctrl-C stops the simulation and writes the result so far. With --checkpoint-every, the
+/// same command then continues the simulation.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// JSON file with the scenario; `-` reads stdin
@@ -37,7 +38,7 @@ pub(crate) struct Args {
     threads: u16,
     #[command(flatten)]
     device: DeviceArgs,
-    /// Seed, in place of the one in the scenario
+    /// Seed that replaces the seed of the scenario
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
     /// Print a summary as JSON instead of a table

@@ -12,8 +12,8 @@ use crate::interval::interval;
 
 /// Run the server: the queue, the sweeps and the HTTP API
 ///
-/// All data is in the data folder. On SIGTERM or Ctrl-C the server completes open requests and exits. Running jobs continue at
-/// their workers, which deliver them after a restart.
+/// All data is in the data folder. On SIGTERM or Ctrl-C the server completes open requests and exits. Workers continue their running jobs,
+/// and deliver the results when the server runs again.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
@@ -29,8 +29,8 @@ pub(crate) struct ServerArgs {
     /// Data folder
     #[arg(long, default_value = "roost-data", value_name = "DIR")]
     pub(crate) data: PathBuf,
-    /// Store frames in an S3 bucket in place of the data folder, with credentials from the environment; needs a build with the
-    /// feature `s3`
+    /// Store frames in an S3 bucket instead of the data folder, with credentials from environment variables; needs a build with the feature
+    /// `s3`
     #[arg(long, value_name = "s3://BUCKET/PREFIX")]
     objects: Option<Bucket>,
     /// Interval of the heartbeats of workers
@@ -57,24 +57,25 @@ pub(crate) struct ServerArgs {
     /// Wall time between the checkpoints of a running job, such as 30s, 5m or 1h; 0 turns checkpoints off
     #[arg(long, default_value = "5m", value_name = "TIME", value_parser = interval)]
     checkpoint_interval: Duration,
-    /// Maximum size of a checkpoint; without a checkpoint, a job that is handed back begins again
+    /// Maximum size of a checkpoint. A larger checkpoint is not stored, and its job begins at zero after an interruption
     #[arg(long, default_value_t = ServerConfig::default().max_checkpoint_bytes >> 20, value_name = "MIB", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     checkpoint_limit_mib: u64,
-    /// Maximum size of all filled states together, which jobs with the same fill start from; the longest unused are deleted. 0 stores none:
-    /// each worker then shares fills between its own jobs only
+    /// Maximum size of all filled states together. A filled state is the start of all jobs with the same fill. Above the maximum, the
+    /// server deletes the states that have been unused for the longest time. 0 stores none: each worker then shares fills only between its
+    /// own jobs
     #[arg(long, default_value_t = ServerConfig::default().fill_limit_bytes >> 20, value_name = "MIB", value_parser = clap::value_parser!(u64).range(0..=1_000_000_000))]
     fills_limit_mib: u64,
-    /// Delete filled states at this time after their last use, such as 12h or 30d
+    /// Delete filled states this long after their last use, such as 12h or 30d
     #[arg(long, default_value = "30d", value_name = "AGE", value_parser = crate::prune::age)]
     fills_max_age: Duration,
     /// Maximum number of requests per second for each token, or for all clients without tokens; 0 means no limit
     #[arg(long, default_value_t = 0, value_name = "N")]
     max_requests_per_s: u32,
-    /// Maximum number of connections. Above it, the connections that have been idle for longest are closed. Each worker uses up
-    /// to three. The limit is lower if the system allows fewer open files
+    /// Maximum number of connections. Above this number, the server closes the connections that have been idle for the longest time. Each
+    /// worker uses up to three connections. The limit is lower if the system allows fewer open files
     #[arg(long, default_value_t = ServerConfig::default().max_connections, value_name = "N", value_parser = connections)]
     max_connections: usize,
-    /// Delete sweeps and single jobs at this time after their end, such as 30d; without it they are never deleted
+    /// Delete sweeps and single jobs this long after their end, such as 30d; without this option, the server never deletes them
     #[arg(long, value_name = "AGE", value_parser = crate::prune::age)]
     prune_after: Option<Duration>,
     /// Maximum number of attempts of a job that fail because of their worker; 0 means no limit
@@ -83,7 +84,8 @@ pub(crate) struct ServerArgs {
     /// Maximum number of attempts of a job that are lost with their worker; 0 means no limit
     #[arg(long, default_value_t = RetryPolicy::default().lost.attempts, value_name = "N")]
     lost_attempts: u32,
-    /// Pause before the next attempt; it doubles each time up to a minute, and a random part of up to half is subtracted
+    /// Pause before the second attempt of a job. Each further pause is twice as long, up to a minute. Up to half of each pause is
+    /// subtracted at random
     #[arg(long, default_value_t = 2.0, value_name = "SECONDS", value_parser = pause)]
     retry_pause_s: f64,
 }

@@ -15,7 +15,7 @@ use crate::{meshes, target, watch};
 
 /// Submit a scenario or a sweep to a server
 ///
-/// Uploads its STL files first, unless the server has them.
+/// The command first uploads the STL files that the server does not have.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// JSON file with a scenario, or with a sweep (which has a `base`); `-` reads stdin
@@ -25,19 +25,19 @@ pub(crate) struct Args {
     /// Wait for the end, with a progress bar
     #[arg(long)]
     wait: bool,
-    /// Priority; jobs with a higher one are claimed first
+    /// Priority. Workers claim jobs with a higher priority first
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     priority: Option<i32>,
     /// Maximum wall time of each attempt
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = seconds)]
     max_wall_s: Option<f64>,
-    /// Record frames at this interval of simulated time; `roost results --frames` downloads those of a job
+    /// Record frames at this interval of simulated time; `roost results --frames` downloads the frames of a job
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = seconds)]
     frame_interval: Option<f64>,
     /// Simulate even if the server has a result of the same scenario
     #[arg(long)]
     no_cache: bool,
-    /// Fill each hopper anew: use no filled state of another job, and keep none
+    /// Let each job fill its hopper itself: use and keep no filled states
     #[arg(long)]
     no_shared_fill: bool,
     /// Print JSON

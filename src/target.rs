@@ -45,7 +45,7 @@ impl Server {
 /// The server of a command that needs none.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct OptionalServer {
-    /// Address of a server: forecast the time of completion on its workers, not on this machine. It must have the STL files
+    /// Address of a server. The forecast is then for the workers of this server, not for this machine. The server must have the STL files
     #[arg(long, value_name = "URL")]
     server: Option<String>,
     #[command(flatten)]
@@ -66,7 +66,7 @@ pub(crate) struct Access {
     /// File with the access token [default: the variable ROOST_TOKEN]
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
-    /// File with certificates (PEM) of the authorities to trust over https, in place of the system's
+    /// File with certificates (PEM) of the authorities to trust for https, instead of the authorities of the system
     #[arg(long, env = "ROOST_CA", value_name = "FILE")]
     ca: Option<PathBuf>,
 }

@@ -13,8 +13,8 @@ use crate::copies;
 
 /// Create, list and revoke access tokens
 ///
-/// Works on the data folder of a server, which may be running; it follows within a second. After the first token, every request
-/// needs a token, even when all are revoked.
+/// The command changes the data folder of a server. A running server notices the change within a second. As soon as the first token exists,
+/// every request needs a token, even if you revoke all tokens later.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Data folder of the server

@@ -11,7 +11,7 @@ use crate::work::WorkerArgs;
 
 /// Run a server and one worker in this process
 ///
-/// If the data folder has access tokens, the worker needs one with the scope `worker`, as with `roost work`.
+/// If the data folder has access tokens, the worker needs a token with the scope `worker`, like a worker of `roost work`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]

@@ -17,11 +17,11 @@ use crate::{forecast, measurements, target};
 
 /// Check a scenario, a sweep, a study or measurements without simulating
 ///
-/// Prints the cost (sub-particles, steps, memory), a description of its meshes, and a forecast of runs, hours of processor time and
-/// the time of completion as ranges: on the processors of this machine, or with `--server` on the workers of a server. For an invalid
-/// document, prints every fault with its JSON pointer, the value and the allowed values.
+/// Prints the cost (sub-particles, time steps, memory), a description of the meshes, and a forecast. The forecast has the number of runs,
+/// the hours of processor time and the time of completion, each as a range. It is for this machine, or with `--server` for the workers of a
+/// server. For an invalid document, the command prints every fault with its JSON pointer, the value found and the allowed values.
 ///
-/// Of measurements, prints the tests and their numbers in the units of the results, and no cost.
+/// For measurements, the command prints the tests and their numbers in the units of the results, without a cost.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// JSON file with a scenario, a sweep (which has a `base`), a study (which has a `goal`) or measurements (which have `tests`); `-`

@@ -14,9 +14,9 @@ use crate::target;
 
 /// Run a worker: claim jobs from a server, simulate them, deliver results
 ///
-/// While the server is unreachable, the worker waits, and running jobs continue. On SIGTERM or Ctrl-C it returns its jobs to
-/// the queue and exits. Repeated signals within 5 s have no effect. A later one ends the process at once; its jobs are then
-/// queued again when their leases expire.
+/// While the server is unreachable, the worker waits, and running jobs continue. On SIGTERM or Ctrl-C, the worker returns its jobs to the
+/// queue and exits. Further signals within 5 s have no effect. A signal after these 5 s ends the worker at once. Its jobs are queued again
+/// when their leases expire.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Address of the server
@@ -26,7 +26,7 @@ pub(crate) struct Args {
     access: target::Access,
     #[command(flatten)]
     worker: WorkerArgs,
-    /// Exit after so long without a job, such as 30s, 5m or 1h; without it, the worker waits for ever
+    /// Exit after this time without a job, such as 30s, 5m or 1h; without this option, the worker waits for ever
     #[arg(long, value_name = "TIME", value_parser = time)]
     idle_timeout: Option<Duration>,
     /// Folder for finished results that the server has not confirmed
@@ -37,16 +37,17 @@ pub(crate) struct Args {
 /// Options of every worker, in `roost work` and `roost up`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct WorkerArgs {
-    /// Threads to use in all; 0 means one per processor
+    /// Number of threads for all jobs together; 0 means one per processor
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads::value_parser())]
     threads: u16,
     #[command(flatten)]
     device: DeviceArgs,
-    /// Jobs at the same time: `auto`, or a number of 1 to 1024. They share the threads, or form one batch on a GPU within its memory. `auto`
-    /// gives each job one thread, and more while the queue has fewer jobs than there are threads; on a GPU it is 16
+    /// Number of jobs at the same time: `auto`, or a number from 1 to 1024. On a CPU, the jobs share the threads. On a GPU, the jobs form
+    /// one batch, as far as its memory allows. With `auto`, each job on a CPU gets one thread, and more threads while the queue has fewer
+    /// jobs than there are threads. On a GPU, `auto` is 16
     #[arg(long, default_value = "auto", value_name = "N", value_parser = slots)]
     slots: Slots,
-    /// Seconds for running jobs to finish after a signal, before they return to the queue; keep it 10 s below the time after
+    /// Seconds that running jobs may continue after a signal, before they return to the queue. Keep this time 10 s below the time after
     /// which a service manager kills the process
     #[arg(long, default_value_t = 0, value_name = "SECONDS")]
     grace: u64,

@@ -28,10 +28,10 @@ use record::{Record, Store};
 use report::{Report, Section};
 use scheduler::Event;
 
-/// Simulate the paper's experiments and write a report beside its numbers
+/// Simulate the paper's experiments, and write a report that compares the results with the paper
 ///
-/// Writes report.html, one file to read, report.json, the same rows for programs, and report.md, their tables. Finished runs are saved: after Ctrl-C the
-/// same command continues, and only the runs under way are lost.
+/// Writes report.html to read, report.json with the same rows for programs, and report.md with the tables. The command stores finished
+/// runs, and every minute a checkpoint of the other runs. After Ctrl-C, the same command continues.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Parts of the report

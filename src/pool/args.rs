@@ -20,10 +20,10 @@ const MIN_TIME_LIMIT: Duration = Duration::from_secs(180);
 
 /// Submit workers to Slurm while queued jobs need them
 ///
-/// Runs in the foreground on any machine that has `sbatch`; the server may be elsewhere. Each allocation is a batch job that runs
-/// `roost work` and ends when it has had no job for --idle-timeout. A minute before its time limit, and on scancel or preemption,
-/// workers store checkpoints and hand their jobs back. Ctrl-C or SIGTERM ends the pool and leaves its allocations; the same command
-/// adopts them. The token needs the scopes `read` and `worker`.
+/// The pool runs in the foreground on any machine that has `sbatch`; the server may be on another machine. Each allocation is a batch job
+/// of Slurm. It runs `roost work`, and ends when it has had no job for --idle-timeout. A minute before the time limit, and after scancel or
+/// preemption, its workers store checkpoints and hand their jobs back. Ctrl-C or SIGTERM ends the pool, but its allocations continue. The
+/// same command finds and uses them again. The token needs the scopes `read` and `worker`.
 #[derive(Debug, clap::Args)]
 pub(super) struct SlurmArgs {
     #[command(flatten)]
@@ -34,41 +34,41 @@ pub(super) struct SlurmArgs {
     /// Maximum number of workers in all allocations, 1 to 100000
     #[arg(long, default_value_t = 64, value_name = "N", value_parser = number::<100_000>)]
     pub(super) max_workers: u32,
-    /// Workers of an allocation, 1 to 1024; they share its processors on one node
+    /// Number of workers in an allocation, 1 to 1024; they share the processors of one node
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = number::<1024>)]
     pub(super) workers_per_alloc: u32,
-    /// A worker exits after so long without a job
+    /// A worker exits after this time without a job
     #[arg(long, default_value = "5m", value_name = "TIME", value_parser = time)]
     pub(super) idle_timeout: Duration,
     /// Time limit of an allocation, 3m to 168h; Slurm rounds it up to minutes
     #[arg(long, default_value = "1h", value_name = "TIME", value_parser = time_limit)]
     pub(super) time_limit: Duration,
-    /// Queued jobs that present workers start within this time need no allocation
+    /// The pool submits no allocation for jobs that the present workers will start within this time
     #[arg(long, default_value = "1m", value_name = "TIME", value_parser = time)]
     pub(super) start_within: Duration,
-    /// Jobs of each worker at the same time: `auto`, or a number of 1 to 1024, as for `roost work`
+    /// Number of jobs of each worker at the same time: `auto`, or a number from 1 to 1024, as for `roost work`
     #[arg(long, default_value = "auto", value_name = "N", value_parser = slots)]
     pub(super) slots: Slots,
-    /// Seconds for running jobs to finish after Slurm's signal, before they are handed back; keep it 10 s below Slurm's KillWait
+    /// Seconds that running jobs may continue after Slurm's signal, before they are handed back. Keep this time 10 s below Slurm's KillWait
     #[arg(long, default_value_t = 10, value_name = "SECONDS", value_parser = grace)]
     pub(super) grace: u64,
     /// Time between two looks at the queue and at Slurm
     #[arg(long, default_value = "10s", value_name = "TIME", value_parser = time)]
     pub(super) interval: Duration,
-    /// First pause after 3 failures in a row; it doubles with each further failure, up to 1h
+    /// Length of the first pause, after 3 failures in a row. With each further failure the pause is twice as long, up to 1h
     #[arg(long, default_value = "1m", value_name = "TIME", value_parser = time)]
     pub(super) retry_pause: Duration,
-    /// Folder for the pool's memory, logs and undelivered results. Compute nodes must reach it [default: `pool` in the state folder of
-    /// `roost work`]
+    /// Folder for the pool's records, its logs and undelivered results. The compute nodes must share this folder [default: `pool` in the
+    /// state folder of `roost work`]
     #[arg(long, value_name = "DIR")]
     pub(super) state: Option<PathBuf>,
-    /// The roost binary on compute nodes [default: this one]
+    /// Path of the program roost on the compute nodes [default: the path of this program]
     #[arg(long, value_name = "FILE")]
     pub(super) roost: Option<PathBuf>,
     /// Cancel all allocations when the pool ends
     #[arg(long)]
     pub(super) cancel_on_exit: bool,
-    /// Print the batch script, the command and the decision of one look; submit nothing
+    /// Print the batch script, the sbatch command and the present decision, and submit nothing
     #[arg(long)]
     pub(super) dry_run: bool,
     /// Options for sbatch, such as --partition=gpu --gres=gpu:1; write values of long options after `=`

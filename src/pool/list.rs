@@ -13,7 +13,8 @@ use super::rule::counted;
 
 /// List the allocations of a pool, and say why it pauses
 ///
-/// Reads the folder of the pool, which may be running or not. Ended allocations stay in the list up to a number of 200.
+/// The command reads the folder of the pool, so it also works when the pool does not run. The list keeps up to 200 allocations that have
+/// ended.
 #[derive(Debug, clap::Args)]
 pub(super) struct ListArgs {
     /// Folder of the pool [default: `pool` in the state folder of `roost work`]

@@ -15,10 +15,10 @@ use crate::document::DocumentKind;
 use crate::submit::submission_error;
 use crate::target;
 
-/// Ask a study for its next runs, to make them elsewhere
+/// Ask a study for its next runs, to compute them with a program of your own
 ///
-/// Prints the runs with their numbers, values and seeds. They count as in flight until `roost study tell` tells their outcomes, at most
-/// for a day.
+/// Prints the number, the values and the seed of each run. The study then waits for the outcomes of these runs from `roost study tell`, for
+/// at most a day.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Ask {
     /// Id of a study
@@ -29,15 +29,16 @@ pub(crate) struct Ask {
     /// Maximum number of runs, 1 to 100
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100))]
     count: u32,
-    /// Print JSON, which has the complete scenario of each run too
+    /// Print JSON, which also has the complete scenario of each run
     #[arg(long)]
     json: bool,
 }
 
-/// Tell a study the outcomes of runs that were made elsewhere
+/// Tell a study the outcomes of runs that a program of your own has computed
 ///
-/// The file has `outcomes`, a list. Each outcome has the number `run` of a run from `roost study ask`, or `values` and a `seed` of your own.
-/// It has `responses`, `"failed": true`, or `"given_back": true` if the run will not be made. A repeat of the command changes nothing.
+/// The file has a list `outcomes`. Each outcome names a run: by its number `run` from `roost study ask`, or by `values` and a `seed` of
+/// your own. The outcome also has `responses`, or `"failed": true`, or `"given_back": true` if you will not compute the run. If you repeat
+/// the command, nothing changes.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Tell {
     /// Id of a study

@@ -8,7 +8,7 @@ use roost_terminal::Exit;
 use super::show;
 use crate::target;
 
-/// Pause a study: it proposes nothing, and its running jobs are handed back with a checkpoint
+/// Pause a study: it adds no runs, and workers hand its running jobs back with a checkpoint
 #[derive(Debug, clap::Args)]
 pub(crate) struct Pause {
     #[command(flatten)]
@@ -22,34 +22,34 @@ pub(crate) struct Resume {
     target: Target,
 }
 
-/// End a study and cancel its jobs; its answer and its results stay
+/// End a study and cancel its jobs; its answer and its results remain
 #[derive(Debug, clap::Args)]
 pub(crate) struct Cancel {
     #[command(flatten)]
     target: Target,
 }
 
-/// Raise the budget of a study; a finished study goes on
+/// Raise the budget of a study; a finished study then continues
 #[derive(Debug, clap::Args)]
 pub(crate) struct Budget {
     #[command(flatten)]
     target: Target,
-    /// New maximum number of runs, not below the present one
+    /// New maximum number of runs, not below the present maximum
     #[arg(value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     max_runs: u32,
 }
 
-/// Widen the range of a factor; all runs are kept, and a finished study goes on
+/// Widen the range of a factor; the study keeps all its runs, and a finished study continues
 #[derive(Debug, clap::Args)]
 pub(crate) struct Widen {
     #[command(flatten)]
     target: Target,
-    /// Pointer of the factor, such as /equipment/gate_opening_m
+    /// JSON pointer of the factor, such as /equipment/gate_opening_m
     pointer: String,
-    /// New lowest value, not above the present one
+    /// New lower end of the range, not above the present lower end
     #[arg(allow_negative_numbers = true)]
     low: f64,
-    /// New highest value, not below the present one
+    /// New upper end of the range, not below the present upper end
     #[arg(allow_negative_numbers = true)]
     high: f64,
 }

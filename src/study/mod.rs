@@ -15,10 +15,10 @@ use roost_terminal::Exit;
 
 use crate::validate;
 
-/// Ask a question about a scenario: which runs answer it is chosen for you
+/// Ask a question about a scenario; Roost chooses the runs that answer it
 ///
-/// A study has a base scenario, factors with ranges, a goal and a budget of runs. It grows a sweep with the same id until the answer
-/// is as certain as asked. `roost study run` needs no server.
+/// A study has a base scenario, factors with ranges, a goal and a budget of runs. Roost adds runs to a sweep with the same id until the
+/// answer is as certain as you asked. `roost study run` needs no server.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(subcommand)]

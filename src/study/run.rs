@@ -18,9 +18,9 @@ use crate::work::WorkerArgs;
 
 /// Answer a question on this machine, without a server
 ///
-/// Runs a server and a worker in this process, which keep the study in the folder. The same command goes on with it after Ctrl-C or a
-/// crash, and prints the answer at once when the study is finished. A larger `max_runs` in the file raises its budget; any other
-/// change needs another folder.
+/// The command runs a server and a worker in this process, and stores the study in the output folder. After Ctrl-C or a crash, the same
+/// command continues the study. If the study is finished, the command prints its answer at once. A larger `max_runs` in the file raises the
+/// budget. After any other change of the file, use another folder.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// JSON file with a study; `-` reads stdin

@@ -11,7 +11,7 @@ use crate::{forecast, target};
 /// Number of studies of a page.
 const PAGE: u32 = 100;
 
-/// Show a study: question, state, and the answer so far in words
+/// Show the question, the state and the present answer of a study in words
 #[derive(Debug, clap::Args)]
 pub(crate) struct Show {
     /// Id of a study

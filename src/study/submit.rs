@@ -17,7 +17,7 @@ use crate::target;
 
 /// Submit a study to a server
 ///
-/// Uploads its STL files first, unless the server has them.
+/// The command first uploads the STL files that the server does not have.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// JSON file with a study; `-` reads stdin

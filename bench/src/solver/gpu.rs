@@ -27,7 +27,7 @@ pub(super) struct GpuArgs {
 /// The graphics adapter.
 #[derive(Debug, clap::Args)]
 struct AdapterArgs {
-    /// Part of the name of the graphics adapter, if there are several
+    /// Graphics adapter to use: a part of its name, if there are several adapters
     #[arg(long, value_name = "NAME")]
     device: Option<String>,
     /// Accept a software adapter; its rows have the backend `software`
@@ -119,8 +119,9 @@ impl GpuTimer {
 
 /// Compare a graphics adapter with the plain path, step by step
 ///
-/// Both take the same steps from fillets at rest. An adapter that rounds every operation gives the same bits. One that fuses
-/// operations deviates by rounding errors, which grow with time. Fails if the final deviation exceeds the tolerance.
+/// The adapter and the plain path compute the same steps from fillets at rest. An adapter that rounds every operation gives the same bits.
+/// An adapter that fuses operations deviates by rounding errors, which grow with time. The command fails if the final deviation exceeds the
+/// tolerance.
 #[derive(Debug, clap::Args)]
 pub(crate) struct ParityArgs {
     #[command(flatten)]

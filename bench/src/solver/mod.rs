@@ -22,8 +22,8 @@ use timing::{Row, TimedRun};
 
 /// Time the solver's particle-steps
 ///
-/// All paths take turns on the same bed, so that other load on the machine affects them equally. Compare ratios within one run;
-/// absolute times hold for one machine.
+/// All paths take turns on the same bed, so that other load on the machine affects them equally. Compare only ratios of the same run,
+/// because absolute times depend on the machine.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// Beds to time
@@ -41,7 +41,7 @@ pub(super) struct Args {
     #[cfg(feature = "gpu")]
     #[command(flatten)]
     gpu: gpu::GpuArgs,
-    /// Omit contact between bonded neighbours, as other programs do
+    /// Omit contacts between neighbours with a bond, as other programs do
     #[arg(long)]
     without_contact_between_bonded: bool,
     /// Turns of each path
@@ -50,7 +50,7 @@ pub(super) struct Args {
     /// Steps per turn
     #[arg(long, default_value_t = 100, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     steps: u64,
-    /// Time this bed instead: lines of `id x y z`, in metres
+    /// File with the bed to time, instead of the beds above: lines of `id x y z`, in metres
     #[arg(long, value_name = "FILE")]
     bed: Option<PathBuf>,
     /// Bonds of the bed: lines of `i j`, line numbers of the bed from 1
