@@ -15,11 +15,11 @@ Exit codes:
   3  the simulation diverged (unstable)
 
 Environment:
-  ROOST_SERVER  address of the server, in place of --server
+  ROOST_SERVER  address of the server, instead of --server
   ROOST_TOKEN   access token, if the server requires one and --token-file is not given
-  ROOST_CA      file of certificates to trust over https, in place of --ca
+  ROOST_CA      file with certificates to trust for https, instead of --ca
   ROOST_LOG     log filter, such as `info` or `roost_worker=debug`
-  ROOST_LOG_FORMAT  `text` or `json`, in place of --log-format";
+  ROOST_LOG_FORMAT  `text` or `json`, instead of --log-format";
 
 /// The exit code of an error.
 pub(crate) fn code(error: &anyhow::Error) -> Exit {

@@ -39,7 +39,7 @@ enum Format {
     Vtk,
     /// run.roostframes
     Web,
-    /// Both
+    /// Both kinds of files
     Both,
 }
 
