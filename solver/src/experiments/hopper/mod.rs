@@ -42,8 +42,8 @@ const RESPONSES: &[Response] = &[
          so q says nothing. `too_short`: less than 4 s were simulated, and the hopper neither emptied nor jammed. Null without a belt \
          capacity.").headline(),
     number("effective_throughput_kg_s", "kg/s",
-        "95 % of the filled mass, divided by the time until this mass was out. Null if less than 95 % came out. This definition is \
-         from Roost; the paper gives 7.6 kg/s without a definition.").headline(),
+        "95 % of the filled mass, divided by the time until this mass was out. Null if less than 95 % came out. The paper gives 7.6 \
+         kg/s without a definition, so this definition is an assumption.").headline(),
     number("mean_rate_kg_s", "kg/s", "Mean rate from 0.5 s until 80 % is out. The first 0.5 s do not count, because fillets spill out \
                                       when the shutter opens.").headline(),
     indicator("jammed",
@@ -53,9 +53,10 @@ const RESPONSES: &[Response] = &[
     number("time_to_jam_s", "s",
         "Time of the last passage before the first jam; 0 if nothing had passed. Null without a jam, so the mean over replicates is \
          the mean of the jammed runs only."),
-    number("discharged_kg", "kg", "Mass out at the end.").headline(),
+    number("discharged_kg", "kg", "Mass that has passed the gate plane at the end.").headline(),
     number("discharged_kg_at_4s", "kg",
-        "Mass out at 4 s. If the hopper emptied or jammed earlier and the simulation ended: the mass out at its end.").headline(),
+        "Mass that has passed the gate plane at 4 s. If the hopper emptied or jammed earlier and the simulation ended: the mass at \
+         its end.").headline(),
     number("time_to_95_percent_s", "s", "Time at which 95 % of the filled mass was out; null if less came out.").headline(),
     number("time_to_99_percent_s", "s", "Time at which 99 % of the filled mass was out. This time depends on the last few fillets, so \
                                          it varies a lot."),
@@ -71,7 +72,7 @@ const RESPONSES: &[Response] = &[
     number("peak_rate_kg_s", "kg/s",
         "Maximum of the 1 s running mean of the rate. The series `mass_rate` is a mean over 0.25 s, so its maximum is higher."),
     number("rate_variation", "",
-        "Variation of the 1 s running mean of the rate: its standard deviation divided by its mean, from 0.5 s until 80 % is out."),
+        "Standard deviation of the 1 s running mean of the rate, divided by its mean. Both are taken from 0.5 s until 80 % is out."),
     boolean("steady", "Whether `rate_variation` is under 0.2."),
     number("longest_stoppage_s", "s",
         "Longest time during which the rate (mean over 0.25 s) stays below 0.15 × `belt_capacity_kg_s`, until 80 % is out."),
@@ -81,7 +82,7 @@ const RESPONSES: &[Response] = &[
          `opening_height_m`; null if one of these fields is null."),
     number("lowest_rate_ratio", "", "The ratio q: minimum of the 1 s running mean of the rate, divided by `belt_capacity_kg_s`. The \
                                      minimum is taken from 0.5 s until 80 % is out."),
-    number("linearity_r2", "", "R² of a straight line through the curve of the mass out over time, from 0 to `linearity_until_s`."),
+    number("linearity_r2", "", "R² of a straight line through the series `discharged_mass`, from 0 to `linearity_until_s`."),
     number("linearity_until_s", "s", "Time at which the straight line of `linearity_r2` ends: 4 s, or earlier if 80 % was out or the \
                                       simulation ended."),
     number("greatest_height_m", "m",
@@ -99,8 +100,8 @@ const RESPONSES: &[Response] = &[
         "Mean bend angle of the fillets within 0.2 m past the gate, over all samples until 80 % is out. The bend angle is the angle \
          between the directions of the two ends. It is 0° for a flat fillet, and 180° for a fillet that is folded double."),
     number("largest_curl_angle_deg", "°", "Maximum bend angle of the fillets that count for `curl_angle_deg`."),
-    number("fed_kg", "kg", "Mass that the feed has brought in. If fillets found no free place above the hopper, this mass is less \
-                            than `feed_kg_s` × time, and the result has the warning `feed_short`."),
+    number("fed_kg", "kg", "Mass that the feed has brought in. This mass is less than `feed_kg_s` × time if fillets found no free \
+                            place above the hopper. The result then has the warning `feed_short`."),
     number("inside_kg", "kg", "Mass in the hopper at the end: the mass that has not passed the gate."),
     number("steady_rate_kg_s", "kg/s",
         "Mean rate in the second half of the time from t = 0 on, for a hopper with a feed. Null without a feed, or if nothing was \
@@ -120,7 +121,8 @@ const RESPONSES: &[Response] = &[
     WARNING_COUNT,
 ];
 
-const DISCHARGED_MASS: SeriesRow = series("discharged_mass", "kg", "Mass out.").headline();
+const DISCHARGED_MASS: SeriesRow =
+    series("discharged_mass", "kg", "Mass that has passed the gate plane.").headline();
 #[rustfmt::skip]
 const MASS_RATE: SeriesRow = series("mass_rate", "kg/s",
     "Rate, as a mean over the 0.25 s around each sample. At the first and last samples this time is shorter.").headline();

@@ -49,8 +49,8 @@ const RESPONSES: &[Response] = &[
 const MASS: SeriesRow = series("mass", "kg", "Mass of all bodies that have not left the simulation.");
 #[rustfmt::skip]
 const POWER: SeriesRow = series("power", "W",
-    "Power of all belts and moving surfaces at the time of the sample: the work per second that they do on the bodies. For a belt, it \
-     is the friction force times the belt speed.");
+    "Power of all belts and moving surfaces at the time of the sample: their work per second on the bodies. For a belt, it is the \
+     friction force times the belt speed.");
 
 const OVER: (&str, &str) = ("body", "1");
 #[rustfmt::skip]

@@ -97,7 +97,8 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         .acts_from_start()
         .by_name(),
     flag("/numerics/stop/when_done", true, "numerics",
-        "Whether the simulation ends as soon as its result is known: when the fillets rest or slide, or when the block is compressed.")
+        "Whether the simulation ends as soon as its result is known. For example: the fillets rest, the fillet slides, or the block \
+         is compressed.")
         .acts_from_start()
         .by_name(),
     number("/numerics/gravity_m_s2", "m/s²", 9.81, from_to(0.0, 100.0), "assumed",

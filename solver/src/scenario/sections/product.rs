@@ -67,8 +67,8 @@ const SIZES_M: &[[f64; 3]] = &[[0.144, 0.072, 0.040], [0.172, 0.072, 0.032], [0.
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     integer("/product/count", 191, from_to(1.0, 100_000.0), "section 2.4",
-        "Number of fillets. Without `shape`, the fillets have each size and its mirror image in turn: fillet i has the shape i mod (2 \
-         · number of sizes). The paper's drop test has 15 fillets of each of six shapes (section 2.3.3).")
+        "Number of fillets. If `shape` is null, the sizes and their mirror images take turns: fillet i has the shape i mod (2 · \
+         number of sizes). The paper's drop test has 15 fillets of each of six shapes (section 2.3.3).")
         .by_name_or(Preset::Integer(1)),
     field("/product/sizes_m", FieldKind::Sizes(from_to(0.005, 2.0)), "m", Preset::Sizes(SIZES_M), "Table 1",
         "Length, width and thickness of each size.")
