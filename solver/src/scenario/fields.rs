@@ -16,18 +16,18 @@ const SECTION_PARTS: &[&[Section]] = &[PHYSICS, OWN_SECTIONS, NUMERICS];
 
 #[rustfmt::skip]
 const PHYSICS: &[Section] = &[
-    section("/product", None, "The fillets: number, size, shape and sub-particles."),
-    section("/material", None, "Elastic constants of the tissue."),
-    section("/bonds", None, "The bonds between the sub-particles of a fillet."),
-    section("/contact", None, "The contacts between fillets and with the equipment."),
-    section("/contact/fillet_fillet", None, "Between sub-particles."),
-    section("/contact/fillet_equipment", None, "Between sub-particles and walls, gate, plates."),
-    section("/contact/fillet_belt", None, "Between sub-particles and the belt."),
+    section("/product", None, "This section describes the fillets: number, size, shape and sub-particles."),
+    section("/material", None, "This section has the elastic constants of the tissue."),
+    section("/bonds", None, "This section describes the bonds between the sub-particles of a fillet."),
+    section("/contact", None, "This section describes the contacts of fillets with each other and with the equipment."),
+    section("/contact/fillet_fillet", None, "These values apply to contacts between sub-particles."),
+    section("/contact/fillet_equipment", None, "These values apply to contacts of sub-particles with walls, gate and plates."),
+    section("/contact/fillet_belt", None, "These values apply to contacts of sub-particles with the belt."),
 ];
 
 const NUMERICS: &[Section] = &[
-    section("/numerics", None, "Time step, duration, sampling and stopping."),
-    section("/numerics/stop", None, "Conditions that end a simulation before its duration."),
+    section("/numerics", None, "This section sets time step, duration, sampling and stopping."),
+    section("/numerics/stop", None, "These conditions end a simulation before its duration is over."),
 ];
 
 /// The pointer of the table for a pointer of a document: `/scene/bodies/*` for `/scene/bodies/3`.

@@ -176,7 +176,7 @@ pub fn field_tables_markdown(experiment: &str) -> String {
         let in_table = |known: &&Section| known.pointer == section.trim_end_matches("/*");
         let (title, doc) = match SECTIONS.iter().find(in_table) {
             Some(known) => (section.as_str(), known.doc),
-            None => ("The document", "At the top of the document."),
+            None => ("The document", "These fields are at the top level of the document."),
         };
         let head = "| field | default | allowed | source | meaning |\n|---|---|---|---|---|";
         let _ = writeln!(page, "### {title}\n\n{doc}\n\n{head}\n{rows}");

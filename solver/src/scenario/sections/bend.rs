@@ -56,7 +56,7 @@ pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     name: "bend",
     question: "How far does a fillet hang over a bar or a conveyor's end?",
     sections: &[
-        section("/bend", Some("bend"), "A fillet that bends under its own weight."),
+        section("/bend", Some("bend"), "A fillet bends under its own weight."),
     ],
     fields: FIELDS,
     takes: &[

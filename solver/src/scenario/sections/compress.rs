@@ -58,7 +58,7 @@ pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     name: "compress",
     question: "How stiff is a block of tissue?",
     sections: &[
-        section("/compress", Some("compress"), "A block of tissue between two plates."),
+        section("/compress", Some("compress"), "Two plates compress a block of tissue."),
     ],
     fields: FIELDS,
     takes: &[

@@ -43,7 +43,7 @@ pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     name: "drop",
     question: "Does a fillet survive an impact, and how long does it move?",
     sections: &[
-        section("/drop", Some("drop"), "Fillets that hit a plate. Each fillet has a plate of its own."),
+        section("/drop", Some("drop"), "Fillets hit plates. Each fillet has a plate of its own."),
     ],
     fields: FIELDS,
     takes: &[

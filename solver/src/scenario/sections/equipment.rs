@@ -99,8 +99,10 @@ pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     name: "hopper",
     question: "Does the hopper discharge, jam or flow unevenly?",
     sections: &[
-        section("/equipment", Some("hopper"), "Hopper, gate and belt. The dimensions of Fig. 5 are derived."),
-        list("/equipment/surfaces", "/scene/surfaces/*", MAX_SURFACES, Some("hopper"), "Further surfaces, as in `/scene/surfaces`."),
+        section("/equipment", Some("hopper"),
+            "This section describes hopper, gate and belt. The dimensions of Fig. 5 are derived from other numbers of the paper."),
+        list("/equipment/surfaces", "/scene/surfaces/*", MAX_SURFACES, Some("hopper"),
+            "This list has further surfaces, with the same fields as `/scene/surfaces`."),
     ],
     fields: FIELDS,
     takes: &[

@@ -59,9 +59,11 @@ pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     name: "scene",
     question: "Anything else: bodies and surfaces placed freely, from CAD if you like",
     sections: &[
-        section("/scene", Some("scene"), "Bodies and surfaces, freely placed."),
-        list("/scene/bodies", "/scene/bodies/*", MAX_BODIES, Some("scene"), "Fillets: shape, place, orientation and velocity."),
-        list("/scene/surfaces", "/scene/surfaces/*", MAX_SURFACES, Some("scene"), "Surfaces of triangles that move together."),
+        section("/scene", Some("scene"), "This section places bodies and surfaces."),
+        list("/scene/bodies", "/scene/bodies/*", MAX_BODIES, Some("scene"),
+            "This list has the fillets, with their shape, place, orientation and velocity."),
+        list("/scene/surfaces", "/scene/surfaces/*", MAX_SURFACES, Some("scene"),
+            "This list has the surfaces. The triangles of a surface move together."),
     ],
     fields: FIELDS,
     takes: &[

@@ -39,7 +39,7 @@ pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     name: "slide",
     question: "At which tilt does a fillet slide off a plate?",
     sections: &[
-        section("/slide", Some("slide"), "A fillet on a plate that is tilted until it slides."),
+        section("/slide", Some("slide"), "A fillet lies on a plate, which is tilted until the fillet slides."),
     ],
     fields: FIELDS,
     takes: &[
