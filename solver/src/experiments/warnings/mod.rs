@@ -83,8 +83,8 @@ const BROKEN_BONDS: WarningKind = kind(
 const DEEP_OVERLAP: WarningKind = kind(
     "deep_overlap",
     "`max_overlap_ratio` is above 1: the centres of two sub-particles without a bond were closer than R.",
-    "If it happens during the fill of a hopper, do nothing. Otherwise raise /material/youngs_modulus_pa, or reduce /numerics/timestep_s or the \
-     speed of impacts.",
+    "If it happens during the fill of a hopper, do nothing. Otherwise raise /material/youngs_modulus_pa, or reduce \
+     /numerics/timestep_s or the speed of impacts.",
 );
 const DENSE_BED: WarningKind = kind(
     "dense_bed",
