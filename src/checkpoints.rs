@@ -118,10 +118,11 @@ impl CheckpointArgs {
     }
 }
 
-/// The folder of filled states in the user's cache folder.
+/// The folder of filled states in the user's cache folder, by the XDG rules or those of Windows.
 fn user_folder() -> Option<PathBuf> {
     let absolute = |name: &str| env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
-    let cache = absolute("XDG_CACHE_HOME").or_else(|| Some(absolute("HOME")?.join(".cache")))?;
+    let home = || Some(absolute("HOME")?.join(".cache"));
+    let cache = absolute("XDG_CACHE_HOME").or_else(home).or_else(|| absolute("LOCALAPPDATA"))?;
     Some(cache.join("roost/fills"))
 }
 

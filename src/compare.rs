@@ -2,6 +2,7 @@
 
 use anyhow::Result;
 use roost_api::ids::SweepId;
+use roost_api::short_names::short_names;
 use roost_api::table::{DesignPoint, Pairing, SweepDifferences};
 use roost_terminal::{BadInput, Exit, Table, format, message, print_json, print_lines};
 use serde_json::json;
@@ -64,7 +65,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
 
 /// A point with its levels, such as `point 3: gate_opening_m 0.06`.
 fn levels(point: &DesignPoint, factors: &[String]) -> String {
-    let names = format::factor_names(factors);
+    let names = short_names(factors);
     let levels = factors.iter().zip(names);
     let levels = levels.map(|(pointer, name)| format!("{name} {}", format::cell(&point.factors[pointer])));
     format!("point {}: {}", point.point, levels.collect::<Vec<_>>().join(", "))

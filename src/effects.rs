@@ -2,6 +2,7 @@
 
 use anyhow::Result;
 use roost_api::ids::SweepId;
+use roost_api::short_names::short_names;
 use roost_api::table::{ResponseEffects, SweepEffects};
 use roost_terminal::{Exit, Table, format, message, print_json, print_lines};
 use serde_json::json;
@@ -48,7 +49,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
 fn table(effects: &SweepEffects, shown: Option<&[&str]>) -> Table {
     let stem = |of: &ResponseEffects| of.response.split('=').next().unwrap_or_default().to_owned();
     let is_shown = |of: &&ResponseEffects| shown.is_none_or(|shown| shown.contains(&stem(of).as_str()));
-    let names = format::factor_names(&effects.sweep.factors);
+    let names = short_names(&effects.sweep.factors);
     let mut table = Table::new(["response", "mean", "factor", "effect", "95 % interval", "ρ", "p", "points"]);
     for of in effects.responses.iter().filter(is_shown) {
         let mut factors: Vec<_> = of.factors.iter().zip(&names).collect();

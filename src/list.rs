@@ -2,6 +2,7 @@
 
 use anyhow::Result;
 use roost_api::job::{JobState, JobView};
+use roost_api::short_names::short_names;
 use roost_api::sweep::SweepView;
 use roost_terminal::{Exit, Table, format, message, print_json, print_lines};
 use serde_json::{Value, json};
@@ -120,7 +121,7 @@ pub(crate) fn sweeps(sweeps: &[SweepView]) -> Table {
 pub(crate) fn jobs(jobs: &[JobView]) -> Table {
     let mut table = Table::new(["id", "state", "levels", "seed", "attempt", "%", "submitted"]);
     for job in jobs {
-        let names = format::factor_names(&job.factors.keys().collect::<Vec<_>>());
+        let names = short_names(&job.factors.keys().collect::<Vec<_>>());
         let levels = names.iter().zip(job.factors.values());
         let levels: Vec<_> = levels.map(|(name, value)| format!("{name}={}", format::cell(value))).collect();
         let state = match (job.cancelling, job.paused, job.failure_class) {

@@ -168,10 +168,8 @@ impl Command {
 async fn main() -> ExitCode {
     let Cli { command, log_format } = Cli::parse();
     let _telemetry = telemetry::start(command.log_filter(), log_format, command.service_name());
-    #[cfg(unix)]
     if command.writes_data_folder() {
-        // Only the user of the server may read its files.
-        rustix::process::umask(rustix::fs::Mode::RWXG | rustix::fs::Mode::RWXO);
+        make_new_files_private();
     }
     match command.execute().await {
         Ok(exit) => exit.into(),
@@ -186,6 +184,16 @@ async fn main() -> ExitCode {
         }
     }
 }
+
+/// Only the user of the server may read its files.
+#[cfg(unix)]
+fn make_new_files_private() {
+    rustix::process::umask(rustix::fs::Mode::RWXG | rustix::fs::Mode::RWXO);
+}
+
+/// On other systems new files inherit the permissions of their folder: those of a user's own folders are private.
+#[cfg(not(unix))]
+fn make_new_files_private() {}
 
 #[cfg(test)]
 mod tests {

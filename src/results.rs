@@ -7,6 +7,7 @@ use anyhow::Result;
 use clap::ValueEnum;
 use roost_api::RunResult;
 use roost_api::ids::SweepId;
+use roost_api::short_names::short_names;
 use roost_api::table::{SweepPoints, SweepResults};
 use roost_solver::experiments::{is_indicator, outputs_of};
 use roost_terminal::{BadInput, Exit, Table, format, message, print_content};
@@ -25,18 +26,24 @@ pub(crate) struct Args {
     id: Uuid,
     #[command(flatten)]
     server: target::Server,
-    /// Format: a short table, or JSON, CSV or Parquet with all responses
+    /// Format: a short table, or JSON, CSV, Parquet or a workbook of Excel (xlsx) with all responses
     #[arg(long, value_enum, default_value_t = Format::Table)]
     format: Format,
     /// Rows of the table. `trial`: one row for each replicate of a design point. `point`: one row for each design point, with means and 95
     /// % intervals over its replicates
     #[arg(long, value_enum, default_value_t = By::Trial)]
     by: By,
+    /// Names of the columns of fields: JSON pointers, or as few of their last parts as are unique [default: short for xlsx, else pointer]
+    #[arg(long, value_enum)]
+    names: Option<Names>,
+    /// Add a second header line with the units, for csv
+    #[arg(long)]
+    units: bool,
     /// Write to this file instead of stdout
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Download the frames of a job into this file
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["format", "by", "output"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["format", "by", "names", "units", "output"])]
     frames: Option<PathBuf>,
 }
 
@@ -46,6 +53,13 @@ enum Format {
     Json,
     Csv,
     Parquet,
+    Xlsx,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Names {
+    Pointer,
+    Short,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -55,16 +69,14 @@ enum By {
 }
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
-    if args.format == Format::Parquet && args.output.is_none() && std::io::stdout().is_terminal() {
-        return Err(BadInput("Parquet cannot be shown in a terminal; add -o FILE".to_owned()).into());
-    }
+    check(&args)?;
     let client = args.server.client()?;
     let target = target::find(&client, args.id).await?;
     if let Some(file) = &args.frames {
         return download_frames(&client, &target, file).await;
     }
     let content = match target {
-        Target::Sweep(sweep) => sweep_content(&client, sweep.id, args.format, args.by).await?,
+        Target::Sweep(sweep) => sweep_content(&client, sweep.id, &args).await?,
         Target::Job(job) => {
             let result = match client.job_result(job.id).await {
                 Ok(result) => result,
@@ -80,11 +92,26 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
                     "an earlier version simulated this job: `scenario` is in the present form, `scenario_digest` of the form at that time"
                 );
             }
-            job_content(&result, args.format)?
+            job_content(&result, &args)?
         }
     };
     write(args.output.as_deref(), &content)?;
     Ok(Exit::Done)
+}
+
+/// Refuses options that the format does not have.
+fn check(args: &Args) -> Result<(), BadInput> {
+    let is_binary = matches!(args.format, Format::Parquet | Format::Xlsx);
+    let refusal = if is_binary && args.output.is_none() && std::io::stdout().is_terminal() {
+        "Parquet and xlsx cannot be shown in a terminal; add -o FILE"
+    } else if args.names.is_some() && matches!(args.format, Format::Table | Format::Json) {
+        "--names is for --format csv, parquet and xlsx"
+    } else if args.units && args.format != Format::Csv {
+        "--units is for --format csv; xlsx has a sheet of units"
+    } else {
+        return Ok(());
+    };
+    Err(BadInput(refusal.to_owned()))
 }
 
 /// Downloads the frames of a job into a file.
@@ -108,14 +135,19 @@ async fn download_frames(client: &Client, target: &Target, file: &Path) -> Resul
     Ok(Exit::Done)
 }
 
-async fn sweep_content(client: &Client, id: SweepId, format: Format, by: By) -> Result<Vec<u8>> {
-    let name = |value: &dyn Fn() -> Option<clap::builder::PossibleValue>| {
-        value().map(|value| value.get_name().to_owned()).unwrap_or_default()
-    };
-    Ok(match (format, by) {
-        (Format::Csv | Format::Parquet, by) => {
-            let (format, by) = (name(&|| format.to_possible_value()), name(&|| by.to_possible_value()));
-            client.sweep_table(id, &format, &by).await?
+/// The word of an option's value.
+fn word(value: impl ValueEnum) -> String {
+    value.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
+}
+
+async fn sweep_content(client: &Client, id: SweepId, args: &Args) -> Result<Vec<u8>> {
+    Ok(match (args.format, args.by) {
+        (Format::Csv | Format::Parquet | Format::Xlsx, by) => {
+            let (format, by, names) = (word(args.format), word(by), args.names.map(word));
+            let mut query = vec![("format", format.as_str()), ("by", &by)];
+            query.extend(names.as_deref().map(|names| ("names", names)));
+            query.extend(args.units.then_some(("units", "true")));
+            client.sweep_table(id, &query).await?
         }
         (Format::Json, By::Trial) => format!("{:#}\n", json!(client.sweep_results(id).await?)).into(),
         (Format::Json, By::Point) => format!("{:#}\n", json!(client.sweep_points(id).await?)).into(),
@@ -128,16 +160,19 @@ async fn sweep_content(client: &Client, id: SweepId, format: Format, by: By) -> 
     })
 }
 
-fn job_content(result: &RunResult, format: Format) -> Result<Vec<u8>> {
+fn job_content(result: &RunResult, args: &Args) -> Result<Vec<u8>> {
+    if args.names.is_some() || args.units {
+        let refusal = "--names and --units are for a sweep; the columns of a job's series end in their units";
+        return Err(BadInput(refusal.to_owned()).into());
+    }
     let mut content = Vec::new();
-    match format {
+    match args.format {
         Format::Json => content = format!("{:#}\n", json!(result)).into(),
         Format::Csv => output::series_csv(&mut content, &result.series)?,
         Format::Table => content = run::responses_text(result).into(),
-        Format::Parquet => {
-            return Err(
-                BadInput("the result of a job has no Parquet format; use json or csv".to_owned()).into()
-            );
+        Format::Parquet | Format::Xlsx => {
+            let refusal = "the result of a job has neither Parquet nor xlsx as format; use json or csv";
+            return Err(BadInput(refusal.to_owned()).into());
         }
     }
     Ok(content)
@@ -153,7 +188,7 @@ fn write(file: Option<&Path>, content: &[u8]) -> Result<()> {
     Ok(())
 }
 
-/// The headline responses of a sweep's experiment; JSON, CSV and Parquet have all responses.
+/// The headline responses of a sweep's experiment; all other formats have all responses.
 pub(crate) async fn headline(client: &Client, sweep: SweepId) -> Result<Vec<&'static str>> {
     let spec = client.sweep_spec(sweep).await?;
     let outputs = spec["base"]["experiment"].as_str().and_then(outputs_of);
@@ -165,7 +200,7 @@ pub(crate) async fn headline(client: &Client, sweep: SweepId) -> Result<Vec<&'st
 fn trials(results: &SweepResults, shown: &[&str]) -> Table {
     let factors = &results.sweep.factors;
     let names = shown.iter().map(|name| (*name).to_owned());
-    let head = format::factor_names(factors).into_iter();
+    let head = short_names(factors).into_iter();
     let mut table = Table::new(head.chain(["seed".to_owned(), "state".to_owned()]).chain(names));
     for trial in &results.trials {
         let levels = factors.iter().map(|name| format::cell(&trial.factors[name]));
@@ -184,7 +219,7 @@ fn trials(results: &SweepResults, shown: &[&str]) -> Table {
 fn points(results: &SweepPoints, shown: &[&str]) -> Table {
     let factors = &results.sweep.factors;
     let names = shown.iter().map(|name| (*name).to_owned());
-    let head = ["point".to_owned()].into_iter().chain(format::factor_names(factors));
+    let head = ["point".to_owned()].into_iter().chain(short_names(factors));
     let counts = ["done", "unstable"].map(str::to_owned);
     let mut table = Table::new(head.chain(counts).chain(names));
     for point in &results.points {

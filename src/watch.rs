@@ -7,6 +7,7 @@ use anyhow::{Result, bail};
 use roost_api::forecast::Forecast;
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{FailureClass, JobState, JobView};
+use roost_api::short_names::short_names;
 use roost_api::sweep::{StateCounts, SweepView};
 use roost_terminal::progress::{Bar, Bars};
 use roost_terminal::{Exit, format, message};
@@ -142,7 +143,7 @@ fn update(bar: &mut Bar, job: &JobView) {
 
 /// The levels of a job: texts alone, numbers with the name of their factor.
 fn short_name(job: &JobView) -> String {
-    let names = format::factor_names(&job.factors.keys().collect::<Vec<_>>());
+    let names = short_names(&job.factors.keys().collect::<Vec<_>>());
     let levels = names.iter().zip(job.factors.values()).map(|(name, level)| match level {
         Value::String(word) => word.clone(),
         other => format!("{name} {}", format::cell(other)),

@@ -94,16 +94,21 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
-/// The state folder of the service manager, else that of the XDG rules.
+/// The state folder of the service manager, else that of the XDG rules, or of Windows.
 pub(crate) fn default_state() -> PathBuf {
     let folder = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     folder("STATE_DIRECTORY")
         .or_else(|| folder("XDG_STATE_HOME").map(|path| path.join("roost")))
         .or_else(|| folder("HOME").map(|path| path.join(".local/state/roost")))
+        .or_else(|| folder("LOCALAPPDATA").map(|path| path.join("roost")))
         .unwrap_or_else(|| PathBuf::from("roost-state"))
 }
 
+/// The name of this machine: from Linux, else from the variable of Windows or of a shell.
 pub(crate) fn host_name() -> String {
-    let name = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    let from_linux = std::fs::read_to_string("/proc/sys/kernel/hostname").ok();
+    let variable = |name: &str| std::env::var(name).ok();
+    let name = from_linux.or_else(|| variable("COMPUTERNAME")).or_else(|| variable("HOSTNAME"));
+    let name = name.unwrap_or_default();
     if name.trim().is_empty() { "worker".to_owned() } else { name.trim().to_owned() }
 }

@@ -231,7 +231,7 @@ fn results_come_as_files() {
         "job_id,point,replicate,seed,/equipment/gate_opening_m,state,failure_class,backend,solver_revision,";
     assert!(table.starts_with(columns), "{table}");
     assert_eq!(table.lines().count(), 3);
-    for name in ["results.parquet", "points.json", "effects.json"] {
+    for name in ["results.parquet", "results.xlsx", "short.csv", "points.json", "effects.json"] {
         assert!(std::fs::metadata(sandbox.path(name)).unwrap().len() > 100, "{name}");
     }
 }

@@ -35,7 +35,13 @@ fn systemd_accepts_the_units_and_rates_their_exposure_low() {
     for name in ["roost-serve.service", "roost-work.service"] {
         let unit = std::fs::read_to_string(deploy(name)).unwrap();
         let path = folder.path().join(name);
-        std::fs::write(&path, unit.replace("/usr/local/bin/roost", env!("CARGO_BIN_EXE_roost"))).unwrap();
+        let start = format!("ExecStart={} ", env!("CARGO_BIN_EXE_roost"));
+        assert_eq!(
+            unit.matches("ExecStart=roost ").count(),
+            1,
+            "{name}: found in /usr/local/bin and /usr/bin"
+        );
+        std::fs::write(&path, unit.replace("ExecStart=roost ", &start)).unwrap();
         let verify = Command::new("systemd-analyze").arg("verify").arg(&path).output().unwrap();
         assert!(verify.status.success() && verify.stderr.is_empty(), "{}", support::transcript(&verify));
         let mut security = Command::new("systemd-analyze");
@@ -296,4 +302,62 @@ fn every_file_is_documented_and_uses_existing_options() {
             assert!(known || foreign.contains(&option), "{name}: {option}");
         }
     }
+}
+
+/// What `cargo deb` reads of the root's manifest. The package itself is made by hand: docs/howto/install.md.
+#[test]
+fn debian_package_has_files_that_exist() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let cargo = Command::new(env!("CARGO"))
+        .args(["metadata", "--format-version", "1", "--no-deps", "--offline"])
+        .current_dir(root)
+        .output()
+        .unwrap();
+    let metadata: serde_json::Value = serde_json::from_str(&support::stdout(&cargo)).unwrap();
+    let packages = metadata["packages"].as_array().unwrap();
+    let package = packages.iter().find(|package| package["name"] == "roost").unwrap();
+    let deb = &package["metadata"]["deb"];
+    let text = |value: &serde_json::Value| value.as_str().unwrap_or_default().to_owned();
+    let assets: Vec<[String; 3]> = deb["assets"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|asset| [0, 1, 2].map(|part| text(&asset[part])))
+        .collect();
+    let (built, files): (Vec<_>, Vec<_>) =
+        assets.iter().partition(|[source, ..]| source.starts_with("target/release/"));
+    assert_eq!(built.len(), 1);
+    assert_eq!(built[0], &["target/release/roost", "usr/bin/", "755"].map(str::to_owned));
+    for [source, place, mode] in files {
+        assert!(root.join(source).is_file(), "{source}");
+        assert!(["etc/", "usr/share/"].iter().any(|folder| place.starts_with(folder)), "{place}");
+        // Settings hold a token.
+        assert_eq!(mode == "600", place.starts_with("etc/"), "{source}: {mode}");
+    }
+    assert!(root.join(text(&deb["license-file"][0])).is_file());
+    let scripts = root.join(text(&deb["maintainer-scripts"]));
+    let units: Vec<String> = deb["systemd-units"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|unit| format!("{}.service", text(&unit["unit-name"])))
+        .collect();
+    let all: Vec<String> = files_named(".service");
+    assert_eq!(units, all, "every unit of deploy/");
+    assert!(units.iter().all(|unit| scripts.join(unit).is_file()), "{units:?}");
+    let unit = std::fs::read_to_string(deploy("roost-work.service")).unwrap();
+    assert!(unit.contains("EnvironmentFile=-/etc/roost/worker.env\n"), "the file of the package");
+    assert!(assets.iter().any(|[source, place, _]| source == "deploy/worker.env" && place == "etc/roost/"));
+    let settings = std::fs::read_to_string(deploy("worker.env")).unwrap();
+    assert!(
+        settings.lines().all(|line| line.is_empty() || line.starts_with('#')),
+        "defaults hold as installed"
+    );
+}
+
+/// Files of `deploy/` with this ending, sorted.
+fn files_named(end: &str) -> Vec<String> {
+    let mut found: Vec<String> = files().into_iter().filter(|name| name.ends_with(end)).collect();
+    found.sort();
+    found
 }

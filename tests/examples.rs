@@ -132,6 +132,9 @@ submit() { curl -s $R/v1/jobs --json @again.json | sed -n 's/^{"id":"\([^"]*\)".
     assert!(std::fs::read(sandbox.path("stored.fill")).unwrap().starts_with(b"ROOSTCKP"));
     assert_eq!(&std::fs::read(sandbox.path("results.parquet")).unwrap()[..4], b"PAR1");
     assert!(std::fs::read_to_string(sandbox.path("results.csv")).unwrap().starts_with("job_id,point,"));
+    let short = std::fs::read_to_string(sandbox.path("short.csv")).unwrap();
+    assert!(short.lines().nth(1).unwrap().starts_with(",,,,m,m/s,"), "{short}");
+    assert_eq!(&std::fs::read(sandbox.path("results.xlsx")).unwrap()[..4], b"PK\x03\x04");
 }
 
 #[test]

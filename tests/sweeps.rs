@@ -2,6 +2,7 @@
 
 mod support;
 
+use calamine::{Reader, Xlsx};
 use roost_api::sweep::{Deletion, SweepView};
 use roost_api::table::{SweepEffects, SweepPoints};
 use serde::de::DeserializeOwned;
@@ -49,6 +50,20 @@ fn sweep_is_extended_evaluated_and_deleted() {
     let file = sandbox.path("results.parquet");
     stdout(&sandbox.roost(&["results", &id, "--format", "parquet", "-o", &file.display().to_string()]));
     assert_eq!(&std::fs::read(file).unwrap()[..4], b"PAR1");
+    let file = sandbox.path("results.xlsx");
+    stdout(&sandbox.roost(&["results", &id, "--format", "xlsx", "-o", &file.display().to_string()]));
+    let mut workbook: Xlsx<_> = calamine::open_workbook(file).unwrap();
+    let speeds = workbook.worksheet_range("jobs").unwrap();
+    assert_eq!(speeds.rows().next().unwrap()[4], "belt_speed_m_s");
+    assert_eq!(speeds.height(), 9, "a header and eight jobs");
+    let csv = ["results", &id, "--format", "csv", "--names", "short", "--units", "--by", "point"];
+    let csv = stdout(&sandbox.roost(&csv));
+    assert!(csv.starts_with("point,belt_speed_m_s,trials,"), "{csv}");
+    assert!(csv.lines().nth(1).unwrap().starts_with(",m/s,,"), "{csv}");
+    for refused in [["--names", "short", "--format", "json"], ["--format", "xlsx", "--units", "--by=point"]] {
+        let output = sandbox.roost(&[&["results", &id], &refused[..]].concat());
+        assert_eq!(output.status.code(), Some(2), "{}", transcript(&output));
+    }
 
     let effects: SweepEffects = answer(&sandbox, &["effects", &id]);
     let effect = effects.responses.iter().find(|of| of.response == "discharged_kg").unwrap();

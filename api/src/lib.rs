@@ -23,6 +23,7 @@ pub mod problem;
 pub mod prune;
 pub mod quantity;
 pub mod queue;
+pub mod short_names;
 #[expect(dead_code, reason = "the types exist for their schemas alone")]
 mod solver_documents;
 pub mod study;

@@ -9,6 +9,7 @@
 //! | `forecast` | says when jobs start and end, pure |
 //! | `measurements` | reads what a laboratory measured, pure |
 //! | `study` | reads studies, and states their answers, pure |
+//! | `workbook` | writes tables for Excel |
 //! | `decider` | grows studies: a background task |
 //! | `store` | one SQLite file and the objects; the only module with sqlx |
 //! | `reaper` | background tasks |
@@ -33,6 +34,7 @@ mod store;
 mod study;
 mod sweep;
 mod validation;
+mod workbook;
 
 pub use config::ServerConfig;
 pub use data::{DataError, backup, restore, tokens_in};

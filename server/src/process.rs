@@ -3,8 +3,6 @@
 use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use rustix::process::{Resource, getrlimit, setrlimit};
-
 /// File descriptors beside those of clients: the database and its log on several connections, the lock, the
 /// runtime.
 const OTHER_DESCRIPTORS: u64 = 64;
@@ -12,7 +10,9 @@ const OTHER_DESCRIPTORS: u64 = 64;
 /// Raises the process's limit of open files to what this many connections need, as far as the system allows:
 /// most systems start programs with 1,024 and allow far more. Not higher, since some system calls take time
 /// for each possible file. Returns the new limit, if there is one.
+#[cfg(unix)]
 pub(crate) fn raise_descriptors(connections: usize) -> Option<u64> {
+    use rustix::process::{Resource, getrlimit, setrlimit};
     let mut limit = getrlimit(Resource::Nofile);
     let soft = limit.current;
     limit.current = raised(soft, limit.maximum, descriptors_for(connections));
@@ -24,6 +24,24 @@ pub(crate) fn raise_descriptors(connections: usize) -> Option<u64> {
         limit.current = soft;
     }
     limit.current
+}
+
+/// Windows has no such limit: its handles are limited by memory alone.
+#[cfg(not(unix))]
+pub(crate) fn raise_descriptors(connections: usize) -> Option<u64> {
+    raised(None, None, descriptors_for(connections))
+}
+
+/// The limit of open files of this process; none without one.
+#[cfg(unix)]
+fn max_descriptors() -> Option<u64> {
+    rustix::process::getrlimit(rustix::process::Resource::Nofile).current
+}
+
+/// Windows has no such limit.
+#[cfg(not(unix))]
+fn max_descriptors() -> Option<u64> {
+    None
 }
 
 /// The limit of open files, raised to `needed` as far as the system allows. None is no limit.
@@ -60,7 +78,7 @@ impl Usage {
             resident_bytes: std::fs::read_to_string("/proc/self/status").ok().as_deref().and_then(resident),
             // One of them reads the list.
             open_descriptors: descriptors.map(|entries| entries.count().saturating_sub(1) as u64),
-            max_descriptors: getrlimit(Resource::Nofile).current,
+            max_descriptors: max_descriptors(),
         }
     }
 }
@@ -72,9 +90,16 @@ fn resident(status: &str) -> Option<u64> {
 }
 
 /// Free bytes of the disk of a folder, for users other than root.
+#[cfg(unix)]
 pub(crate) fn free_bytes(folder: &Path) -> Option<u64> {
     let disk = rustix::fs::statvfs(folder).ok()?;
     Some(disk.f_bavail.saturating_mul(disk.f_frsize))
+}
+
+/// On other systems they are not measured, and the metric is left out.
+#[cfg(not(unix))]
+pub(crate) fn free_bytes(_folder: &Path) -> Option<u64> {
+    None
 }
 
 /// Length of a file in bytes; 0 if it does not exist.
@@ -94,7 +119,8 @@ mod tests {
     #[test]
     fn resources_of_the_process_are_measured() {
         let limit = raise_descriptors(usize::MAX);
-        assert_eq!(getrlimit(Resource::Nofile).maximum, limit, "as high as allowed");
+        let allowed = rustix::process::getrlimit(rustix::process::Resource::Nofile).maximum;
+        assert_eq!(allowed, limit, "as high as allowed");
         assert_eq!(raise_descriptors(1), limit, "it is never lowered");
         let files: Vec<_> = (0..20).map(|_| tempfile::tempfile().unwrap()).collect();
         let block = vec![1_u8; 50_000_000];

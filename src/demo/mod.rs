@@ -81,7 +81,7 @@ async fn run_sweep(client: &Client, folder: &Path, shutdown: &CancellationToken)
     let sweep = watch::sweep(client, sweep.id, shutdown).await?;
     let results = client.sweep_results(sweep.id).await?;
     let csv = folder.join("results.csv");
-    std::fs::write(&csv, client.sweep_table(sweep.id, "csv", "trial").await?)?;
+    std::fs::write(&csv, client.sweep_table(sweep.id, &[("format", "csv")]).await?)?;
     let plot_file = folder.join("discharge.svg");
     let runs = run_results(client, &results).await?;
     let panel = Panel {

@@ -130,7 +130,8 @@ async fn run(program: &str, arguments: &[String], input: &str) -> Result<String,
 async fn output(program: &str, arguments: &[String], input: &str) -> std::io::Result<Output> {
     let mut command = Command::new(program);
     command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-    // Ctrl-C in a terminal ends the pool, and not a command that submits.
+    // Ctrl-C in a terminal ends the pool, and not a command that submits. Slurm runs on no other system.
+    #[cfg(unix)]
     command.process_group(0);
     for (name, _) in std::env::vars_os().filter(|(name, _)| is_removed(&name.to_string_lossy())) {
         command.env_remove(name);

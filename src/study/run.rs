@@ -70,7 +70,7 @@ impl Asked {
         let study = followed?;
         let folder = self.folder.path();
         let mut paths = answer::write(client, study.id, folder).await?;
-        let table = client.sweep_table(study.id, "csv", "trial").await?;
+        let table = client.sweep_table(study.id, &[("format", "csv")]).await?;
         paths.push(write_file(folder.join("results.csv"), &table)?);
         show::print(&study, false)?;
         print_line("")?;

@@ -57,23 +57,6 @@ pub fn cell(value: &Value) -> String {
     }
 }
 
-/// Short names of factors: the last parts of each JSON pointer, as many as make the name unique.
-pub fn factor_names<S: AsRef<str>>(pointers: &[S]) -> Vec<String> {
-    let tail = |pointer: &str, parts: usize| {
-        let segments: Vec<&str> = pointer.trim_start_matches('/').split('/').collect();
-        segments[segments.len().saturating_sub(parts)..].join(".")
-    };
-    let name = |pointer: &str| {
-        let others = || pointers.iter().map(AsRef::as_ref).filter(|other| *other != pointer);
-        let mut candidates = (1..=pointer.split('/').count()).map(|parts| (parts, tail(pointer, parts)));
-        let unique = candidates.find(|(parts, name)| {
-            name.starts_with(char::is_alphabetic) && others().all(|other| tail(other, *parts) != *name)
-        });
-        unique.map_or_else(|| pointer.to_owned(), |(_, name)| name)
-    };
-    pointers.iter().map(|pointer| name(pointer.as_ref())).collect()
-}
-
 /// A response over the replicates of a design point: `4.21 ± 0.2` (the 95 % interval), or words with their counts.
 /// The mean of an indicator is a share: `3 of 12 (9 to 53 %)`. Where replicates drew parameters from a posterior, the deviations by
 /// parameters and by chance follow.
@@ -149,14 +132,6 @@ mod tests {
         assert_eq!(shown, ["0 s", "59 s", "1:00", "3:07", "1:02:09"]);
         assert_eq!(time_left(0.25, 10.0).unwrap(), "30 s left");
         assert_eq!(time_left(0.0, 10.0), None);
-    }
-
-    #[test]
-    fn factor_names_are_as_short_as_they_can_be() {
-        assert_eq!(factor_names(&["/equipment/gate_opening_m", "/seed"]), ["gate_opening_m", "seed"]);
-        let twins = ["/contact/fillet_belt/friction", "/contact/fillet_wall/friction", "/condition"];
-        assert_eq!(factor_names(&twins), ["fillet_belt.friction", "fillet_wall.friction", "condition"]);
-        assert_eq!(factor_names(&["/product/sizes_m/0/1"]), ["sizes_m.0.1"], "an index alone is no name");
     }
 
     #[test]

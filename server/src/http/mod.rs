@@ -37,12 +37,16 @@ mod stored_result;
 mod studies;
 mod submissions;
 mod sweeps;
+mod table_columns;
+mod table_query;
+mod table_rows;
 mod tables;
 #[cfg(test)]
 mod tests;
 mod traces;
 mod upload;
 mod validate;
+mod workbooks;
 mod workers;
 
 use axum::extract::DefaultBodyLimit;

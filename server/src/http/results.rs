@@ -17,7 +17,7 @@ use super::extract::{Params, Segments};
 use super::problem::{ApiError, ProblemKind};
 use super::stored_result::{numbers, series_of};
 use super::sweeps::view;
-use super::tables::TableRows;
+use super::table_rows::TableRows;
 use crate::queue::Refusal;
 use crate::state::App;
 use crate::sweep;

@@ -1,5 +1,5 @@
 //! The result table of a sweep, written in chunks: a large table is never in memory as a whole, except for
-//! the values of a Parquet file.
+//! the values of a Parquet file. `workbooks` writes it for Excel.
 
 use std::sync::Arc;
 
@@ -11,84 +11,30 @@ use futures_util::stream;
 use roost_api::ids::SweepId;
 use roost_api::problem::Problem;
 use roost_api::sweep::SweepView;
-use roost_api::table::{PointRow, TrialRow};
 use serde::{Deserialize, Serialize};
-use utoipa::openapi::schema::Object;
-use utoipa::{IntoParams, ToSchema};
 
 use super::blocking::run_blocking;
 use super::extract::{Params, Segments};
-use super::page::{RowRange, link_to_next, rows_schema};
+use super::page::{RowRange, link_to_next};
 use super::posteriors;
-use super::problem::{ApiError, ProblemKind};
+use super::problem::ApiError;
 use super::sweeps::view;
+use super::table_columns::{Chunk, Columns, unwritten};
+use super::table_query::{By, MAX_ROWS, TableFormat, TableQuery};
+use super::table_rows::TableRows;
+use super::workbooks;
 use crate::queue::Refusal;
 use crate::state::App;
-use crate::store::{Subject, TrialPlace};
-use crate::sweep::{self, Posterior};
-
-/// Maximum of trials in memory.
-const CHUNK: u32 = 500;
-
-/// Maximum number of rows of a page.
-const MAX_ROWS: u32 = 5000;
-
-/// The format of a result table.
-#[derive(Clone, Copy, Default, Deserialize, ToSchema)]
-#[serde(rename_all = "lowercase")]
-pub(crate) enum TableFormat {
-    /// JSON.
-    #[default]
-    Json,
-    /// Comma-separated values with a header line.
-    Csv,
-    /// Apache Parquet.
-    Parquet,
-}
-
-/// The meaning of a row of the result table.
-#[derive(Clone, Copy, Default, PartialEq, Eq, Deserialize, ToSchema)]
-#[serde(rename_all = "lowercase")]
-pub(crate) enum By {
-    /// A trial.
-    #[default]
-    Trial,
-    /// A design point: statistics over its replicates.
-    Point,
-}
-
-/// Query of a result table.
-#[derive(Deserialize, IntoParams)]
-#[serde(deny_unknown_fields)]
-#[into_params(parameter_in = Query)]
-pub(crate) struct TableQuery {
-    /// Format; the default is `json`.
-    #[serde(default)]
-    #[param(inline)]
-    format: TableFormat,
-    /// Meaning of a row; the default is `trial`.
-    #[serde(default)]
-    #[param(inline)]
-    by: By,
-    /// Only these responses: names separated by commas.
-    responses: Option<String>,
-    /// `next_cursor` of the previous page.
-    cursor: Option<String>,
-    /// Maximum of rows of the page; the default is all rows.
-    #[param(schema_with = all_schema)]
-    limit: Option<u32>,
-}
-
-fn all_schema() -> Object {
-    rows_schema(MAX_ROWS, None)
-}
+use crate::store::Subject;
+use crate::sweep;
 
 /// Shows the result table of a sweep: a row per trial, or per design point with mean, deviation and 95 % interval.
 #[utoipa::path(get, path = "/v1/sweeps/{id}/results", tag = "results", operation_id = "sweep_results",
     params(("id" = uuid::Uuid, Path, description = "The sweep"), TableQuery),
     responses((status = 200, description = "The table: `SweepResults`, or `SweepPoints` for `by=point`",
                content((Object = "application/json"), (String = "text/csv"),
-                       (String = "application/vnd.apache.parquet"))),
+                       (String = "application/vnd.apache.parquet"),
+                       (String = "application/vnd.openxmlformats-officedocument.spreadsheetml.sheet"))),
               (status = 404, description = "No such sweep", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn table(
@@ -97,17 +43,18 @@ pub(crate) async fn table(
     uri: Uri,
     Params(query): Params<TableQuery>,
 ) -> Result<Response, ApiError> {
+    query.check()?;
     let sweep = view(&app, id).await?;
-    let by_point = query.by == By::Point;
+    let (format, by_point) = (query.format, query.by == By::Point || query.format == TableFormat::Xlsx);
     let cursor = query.cursor.as_deref();
     let range = match by_point {
         true => RowRange::new(sweep.points, 1, cursor, query.limit, MAX_ROWS)?,
         false => RowRange::of_trials(&sweep, cursor, query.limit, MAX_ROWS)?,
     };
     let next_cursor = range.next_cursor();
-    let selected = query.responses.map(|names| names.split(',').map(str::to_owned).collect::<Vec<_>>());
+    let selected = query.selected();
     // JSON rows contain the names.
-    let responses = match (query.format, &selected) {
+    let responses = match (format, &selected) {
         (TableFormat::Json, _) => Vec::new(),
         (_, None) => responses(&app, id).await?.to_vec(),
         (_, Some(names)) => {
@@ -123,12 +70,20 @@ pub(crate) async fn table(
         }
     };
     let (drawn, is_drawn) = (sweep.runs_per_sample, sweep.runs_per_sample.is_some());
-    let posterior = if is_drawn && !by_point { posteriors::of_sweep(&app, id).await? } else { None };
-    let parameters = posterior.iter().flat_map(|samples| samples.parameters()).cloned().collect();
-    let columns = Columns { factors: sweep.factors.clone(), parameters, responses, selected, is_drawn };
+    let has_trials = !by_point || format == TableFormat::Xlsx;
+    let posterior = if is_drawn && has_trials { posteriors::of_sweep(&app, id).await? } else { None };
+    let columns = Columns {
+        factors: sweep.factors.clone(),
+        parameters: posterior.iter().flat_map(|samples| samples.parameters()).cloned().collect(),
+        responses,
+        selected,
+        is_drawn,
+        has_short_names: query.has_short_names(),
+        experiment: experiment(&app, id).await?,
+    };
     let replicates = sweep.replicates;
     let rows = TableRows { app, id, by_point, replicates, runs_per_sample: drawn, posterior, range };
-    let mut response = match query.format {
+    let mut response = match format {
         TableFormat::Json => stream_table(
             json_head(&sweep, by_point)?,
             json_tail(next_cursor.as_deref()),
@@ -137,19 +92,29 @@ pub(crate) async fn table(
             json_rows,
         ),
         TableFormat::Csv => {
-            let header = columns.csv(&Chunk::none(by_point), true)?;
-            stream_table(header, Vec::new(), rows, columns, |columns, chunk, _| columns.csv(chunk, false))
+            let header = columns.csv_head(by_point, query.units)?;
+            stream_table(header, Vec::new(), rows, columns, |columns, chunk, _| columns.csv(chunk))
         }
         TableFormat::Parquet => parquet(rows, columns).await?,
+        TableFormat::Xlsx => workbooks::write(&sweep, rows, columns).await?,
     };
-    let media_type = match query.format {
-        TableFormat::Json => "application/json",
-        TableFormat::Csv => "text/csv; charset=utf-8",
-        TableFormat::Parquet => "application/vnd.apache.parquet",
-    };
-    response.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type));
+    response.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(format.media_type()));
     link_to_next(&mut response, &uri, next_cursor.as_deref());
     Ok(response)
+}
+
+/// The experiment of a sweep. Calibrations have several.
+async fn experiment(app: &App, id: SweepId) -> Result<Option<String>, ApiError> {
+    #[derive(Deserialize)]
+    struct Base {
+        experiment: Option<String>,
+    }
+    #[derive(Deserialize)]
+    struct Spec {
+        base: Option<Base>,
+    }
+    let text = app.store.sweep_spec(id).await?.ok_or(Refusal::NoSweep)?;
+    Ok(serde_json::from_str(&text).ok().and_then(|spec: Spec| spec.base?.experiment))
 }
 
 /// The responses that results of a sweep have. Finding them reads every result, so they are cached per version.
@@ -161,105 +126,6 @@ async fn responses(app: &App, id: SweepId) -> Result<Arc<Vec<sweep::Response>>, 
     let found = Arc::new(app.store.responses(id).await?);
     app.sweep_responses.insert(id, version, found.clone());
     Ok(found)
-}
-
-/// Some rows of the table.
-enum Chunk {
-    Trials(Vec<TrialRow>),
-    Points(Vec<PointRow>),
-}
-
-impl Chunk {
-    fn none(by_point: bool) -> Self {
-        if by_point { Self::Points(Vec::new()) } else { Self::Trials(Vec::new()) }
-    }
-}
-
-/// The rows of a table that are still to be read.
-pub(super) struct TableRows {
-    app: App,
-    id: SweepId,
-    by_point: bool,
-    replicates: u32,
-    /// Replicates in a row that have the same parameters, if these come from a posterior.
-    runs_per_sample: Option<u32>,
-    /// The samples that trials drew, for rows of trials.
-    posterior: Option<Posterior>,
-    range: RowRange,
-}
-
-impl TableRows {
-    /// Every design point of a sweep.
-    pub(super) fn of_points(app: App, sweep: &SweepView) -> Result<Self, ApiError> {
-        let range = RowRange::new(sweep.points, 1, None, None, MAX_ROWS)?;
-        let (replicates, runs_per_sample) = (sweep.replicates, sweep.runs_per_sample);
-        Ok(Self { app, id: sweep.id, by_point: true, replicates, runs_per_sample, posterior: None, range })
-    }
-
-    /// All trials of the next chunk of design points; none after the last.
-    pub(super) async fn next_points(&mut self) -> Result<Option<Vec<TrialRow>>, ApiError> {
-        let Some((TrialPlace { from: (first, _), .. }, points)) =
-            self.range.take((CHUNK / self.replicates.max(1)).max(1))
-        else {
-            return Ok(None);
-        };
-        Ok(Some(self.app.store.trials_of(self.id, first..first + points).await?))
-    }
-
-    /// The next chunk; none after the last.
-    async fn next(&mut self) -> Result<Option<Chunk>, ApiError> {
-        if self.by_point {
-            let Some(trials) = self.next_points().await? else { return Ok(None) };
-            let drawn = self.runs_per_sample;
-            return run_blocking(move || Some(Chunk::Points(sweep::by_point(&trials, drawn)))).await;
-        }
-        let Some((place, rows)) = self.range.take(CHUNK) else { return Ok(None) };
-        let mut trials = self.app.store.trials_from(self.id, place, rows).await?;
-        if let Some(posterior) = &self.posterior {
-            trials.iter_mut().for_each(|trial| trial.parameters = posterior.drawn(trial.replicate));
-        }
-        Ok(Some(Chunk::Trials(trials)))
-    }
-}
-
-/// The columns of a table.
-struct Columns {
-    factors: Vec<String>,
-    /// Pointers of the parameters that trials drew from a posterior.
-    parameters: Vec<String>,
-    responses: Vec<sweep::Response>,
-    /// Names of the selected responses; none selects all.
-    selected: Option<Vec<String>>,
-    /// Whether parameters were drawn from a posterior.
-    is_drawn: bool,
-}
-
-impl Columns {
-    fn of(&self, chunk: &Chunk) -> Vec<sweep::Column> {
-        match chunk {
-            Chunk::Trials(trials) => {
-                sweep::of_trials(&self.factors, &self.parameters, &self.responses, trials)
-            }
-            Chunk::Points(points) => sweep::of_points(&self.factors, &self.responses, points, self.is_drawn),
-        }
-    }
-
-    fn csv(&self, chunk: &Chunk, with_header: bool) -> Result<Vec<u8>, ApiError> {
-        sweep::csv(&self.of(chunk), with_header).map_err(|error| unwritten(&error))
-    }
-
-    /// Removes responses that were not selected.
-    fn select(&self, chunk: &mut Chunk) {
-        let Some(selected) = &self.selected else { return };
-        match chunk {
-            Chunk::Trials(trials) => {
-                trials.iter_mut().for_each(|trial| trial.responses.retain(|name, _| selected.contains(name)));
-            }
-            Chunk::Points(points) => {
-                points.iter_mut().for_each(|point| point.responses.retain(|name, _| selected.contains(name)));
-            }
-        }
-    }
 }
 
 /// Writes a chunk; the last argument is whether it is the first.
@@ -291,10 +157,6 @@ fn stream_table(head: Vec<u8>, tail: Vec<u8>, rows: TableRows, columns: Columns,
 fn broken(error: &ApiError) -> std::io::Error {
     tracing::error!(?error, "writing a table failed");
     std::io::Error::other("the table could not be read completely")
-}
-
-fn unwritten(error: &dyn std::fmt::Display) -> ApiError {
-    ApiError::new(ProblemKind::Internal, format!("the table cannot be written: {error}"))
 }
 
 fn json_head(sweep: &SweepView, by_point: bool) -> Result<Vec<u8>, ApiError> {
@@ -337,6 +199,8 @@ async fn parquet(mut rows: TableRows, mut columns: Columns) -> Result<Response, 
         });
         (all, columns) = extended.await?;
     }
+    let names = columns.names(&all);
+    let all = all.into_iter().zip(names).map(|(column, name)| column.renamed(name)).collect();
     let bytes = run_blocking(move || sweep::to_parquet(all).map_err(|error| unwritten(&error)));
     Ok(bytes.await??.into_response())
 }

@@ -4,7 +4,7 @@
 //! - `designs` has a file per kind of design, behind one trait; `points` makes scenarios of their rows (`pointer`),
 //!   with parameters from a `posterior`.
 //! - `expand` validates a sweep and lists every fault; `extend` does the same for an extension.
-//! - `summary`, `effects`, `differences` (both by `replicates`) and `table` evaluate trials.
+//! - `summary`, `effects`, `differences` (both by `replicates`) and `table` evaluate trials; `units` has the units of a table's columns.
 
 mod designs;
 mod differences;
@@ -25,6 +25,7 @@ mod table;
 #[cfg(test)]
 mod tests;
 mod to_parquet;
+mod units;
 mod values;
 
 use roost_api::sweep::SweepSpec;
@@ -46,8 +47,9 @@ pub use posterior::posterior_columns;
 pub(crate) use posterior::{Posterior, runs_per_sample};
 pub(crate) use schema::json_schema;
 pub(crate) use summary::by_point;
-pub(crate) use table::{Column, Response, csv, of_points, of_trials};
+pub(crate) use table::{Column, Response, csv, of_points, of_trials, text};
 pub(crate) use to_parquet::to_parquet;
+pub(crate) use units::unit_of;
 
 /// Reads a sweep and expands it, or lists the faults of its shape and its content.
 pub(crate) fn read(

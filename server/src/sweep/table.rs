@@ -1,4 +1,4 @@
-//! Result tables as columns, for CSV and Parquet, with a row per trial or per design point.
+//! Result tables as columns, for CSV, Parquet and Excel, with a row per trial or per design point.
 
 use roost_api::table::{PointRow, Summary, TrialRow};
 use serde_json::{Value, json};
@@ -41,6 +41,21 @@ impl Column {
             ColumnKind::Text
         };
         Self { name: name.to_owned(), kind, values }
+    }
+
+    /// Its name: a pointer of a field, or the name of a response, a statistic or a property of the job.
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Its values, one for each row; null where there is none.
+    pub(crate) fn values(&self) -> &[Value] {
+        &self.values
+    }
+
+    /// The same column under another name.
+    pub(crate) fn renamed(self, name: String) -> Self {
+        Self { name, ..self }
     }
 
     /// Appends the same column of further rows. The result equals a column of all rows.
@@ -162,11 +177,11 @@ pub(crate) fn of_points(
     columns
 }
 
-/// Columns as CSV, with a header line if asked. Null is an empty cell.
-pub(crate) fn csv(columns: &[Column], with_header: bool) -> Result<Vec<u8>, csv::Error> {
+/// Lines of text as CSV, then columns as CSV. Null is an empty cell.
+pub(crate) fn csv(head: &[Vec<String>], columns: &[Column]) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    if with_header {
-        writer.write_record(columns.iter().map(|column| &column.name))?;
+    for line in head {
+        writer.write_record(line)?;
     }
     for row in 0..columns.first().map_or(0, |column| column.values.len()) {
         writer.write_record(columns.iter().map(|column| text(&column.values[row]).unwrap_or_default()))?;
@@ -175,7 +190,7 @@ pub(crate) fn csv(columns: &[Column], with_header: bool) -> Result<Vec<u8>, csv:
 }
 
 /// Text as it is, other values as JSON; none for null.
-pub(super) fn text(value: &Value) -> Option<String> {
+pub(crate) fn text(value: &Value) -> Option<String> {
     match value {
         Value::Null => None,
         Value::String(text) => Some(text.clone()),

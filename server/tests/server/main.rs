@@ -45,3 +45,4 @@ mod test_server;
 mod turns;
 mod upgrade;
 mod waits;
+mod workbooks;

@@ -187,10 +187,10 @@ impl Client {
         self.get(&format!("sweeps/{id}/results?by=point")).await
     }
 
-    /// The result table of a sweep as a file. `format` is `csv` or `parquet`; a row is a `trial` or a `point`.
-    pub async fn sweep_table(&self, id: SweepId, format: &str, by: &str) -> ClientResult<Vec<u8>> {
+    /// The result table of a sweep as a file. The query has at least the `format`: `csv`, `parquet` or `xlsx`.
+    pub async fn sweep_table(&self, id: SweepId, query: &[(&str, &str)]) -> ClientResult<Vec<u8>> {
         let request = self.request(Method::GET, &format!("sweeps/{id}/results"));
-        let request = request.query(&[("format", format), ("by", by)]).timeout(FILE_TIMEOUT);
+        let request = request.query(query).timeout(FILE_TIMEOUT);
         let response = self.send(request).await?;
         let file = response.bytes().await.map_err(|error| ClientError::transport(&self.server, &error))?;
         Ok(file.into())

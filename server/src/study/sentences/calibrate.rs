@@ -5,7 +5,7 @@ use roost_design::goals::CalibrateAnswer;
 use roost_design::goals::calibrate::{Interval, Narrowing, TEST, TargetAgreement};
 use roost_design::{Factor, Question};
 
-use super::capital;
+use super::{ASSUMPTIONS, capital};
 use crate::study::words::{digits, list, number, range, value};
 
 /// Remaining share of a prior's deviation from which on the tests say little of a parameter.
@@ -127,7 +127,7 @@ pub(super) fn assumptions(question: &Question) -> String {
     let names = |factor: &Factor| Quantity::of_field(&factor.name).name;
     let parameters = question.factors.iter().filter(|factor| factor.name != TEST).map(names);
     format!(
-        "It holds for the scenarios of the tests, and for no {} outside the ranges.",
+        "{ASSUMPTIONS} the scenarios of the tests, and for no {} outside the ranges.",
         parameters.collect::<Vec<_>>().join(" or ")
     )
 }

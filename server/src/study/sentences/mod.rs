@@ -19,6 +19,12 @@ use super::Study;
 use super::trials::Known;
 use super::words::{digits, level, list, measure, range, value};
 
+/// The beginning of the first sentence about evidence.
+const EVIDENCE: &str = "The answer rests on";
+
+/// The beginning of the first sentence about assumptions.
+const ASSUMPTIONS: &str = "It holds for";
+
 /// Points of an estimate that are stated in words; the table has all of them.
 const MAX_STATED: usize = 12;
 
@@ -112,7 +118,7 @@ pub(super) fn answer(study: &Study, answer: &Answer, known: &Known) -> Vec<Strin
     };
     let runs = answer.runs;
     let failed = if runs.failed > 0 { format!("; {} more failed", runs.failed) } else { String::new() };
-    sentences.push(format!("The answer rests on {} runs{failed}.", runs.done));
+    sentences.push(format!("{EVIDENCE} {} runs{failed}.", runs.done));
     sentences.extend(sources::sentences(study, known));
     sentences.extend(growth(study));
     sentences.extend(excluded(study, &answer.excluded));
@@ -131,6 +137,19 @@ pub(super) fn answer(study: &Study, answer: &Answer, known: &Known) -> Vec<Strin
     sentences.extend(sources::assumption(study));
     sentences.extend(drawn(study));
     sentences
+}
+
+/// Sentences of an answer with the part that each belongs to: `answer`, `evidence` or `assumptions`.
+pub(crate) fn parts(sentences: &[String]) -> impl Iterator<Item = (&'static str, &String)> {
+    let mut part = "answer";
+    sentences.iter().map(move |sentence| {
+        part = match part {
+            "answer" if sentence.starts_with(EVIDENCE) => "evidence",
+            "evidence" if sentence.starts_with(ASSUMPTIONS) => "assumptions",
+            _ => part,
+        };
+        (part, sentence)
+    })
 }
 
 /// What the runs draw from a posterior.
@@ -232,7 +251,7 @@ fn assumptions(study: &Study) -> String {
         parts.push(format!("{condition} surfaces"));
     }
     parts.push("nothing outside the ranges".to_owned());
-    format!("It holds for the base scenario with {}.", list(&parts))
+    format!("{ASSUMPTIONS} the base scenario with {}.", list(&parts))
 }
 
 /// A place in the range: `gate opening 0.05 m and belt speed 0.3 m/s`.

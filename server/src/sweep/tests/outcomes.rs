@@ -6,6 +6,7 @@ use roost_api::design::Factor;
 use roost_api::ids::JobId;
 use roost_api::job::{FailureClass, JobState};
 use roost_api::table::{Pairing, PairingGain, ResponseEffects, TrialRow};
+use roost_solver::experiments::outputs_of;
 
 use super::*;
 
@@ -23,6 +24,12 @@ pub(super) fn trial(point: u32, replicate: u32, factors: Value, responses: Value
         solver_revision: Some(7),
         responses: responses.as_object().unwrap().clone(),
     }
+}
+
+/// A table as CSV with a header.
+pub(super) fn table_csv(columns: &[Column]) -> String {
+    let head = columns.iter().map(|column| column.name().to_owned()).collect();
+    String::from_utf8(csv(&[head], columns).unwrap()).unwrap()
 }
 
 fn near(value: Option<f64>, expected: &Value) {
@@ -94,9 +101,7 @@ fn mean_of_an_indicator_is_a_share_with_its_interval() {
     near(single.low_95, &json!(0.20654931437723745));
     assert_eq!(single.high_95, Some(1.0));
     let responses = [Response { name: "jammed".to_owned(), has_numbers: true, has_words: false }];
-    let csv =
-        String::from_utf8(csv(&of_points(&[], &responses, std::slice::from_ref(row), false), true).unwrap())
-            .unwrap();
+    let csv = table_csv(&of_points(&[], &responses, std::slice::from_ref(row), false));
     let head = "jammed.n,jammed.mean,jammed.standard_deviation,jammed.low_95,jammed.high_95";
     assert!(csv.lines().next().unwrap().ends_with(head), "{csv}");
     assert!(csv.lines().nth(1).unwrap().contains(",10,0.4,0.51"), "{csv}");
@@ -293,14 +298,42 @@ fn a_parquet_file_equals_the_table() {
     assert!(rows[2].get_double(14).is_err() && rows[0].get_double(13).is_err(), "null is null");
     assert_eq!(rows[2].get_string(8).unwrap(), "lost");
 
-    let csv = String::from_utf8(
-        csv(&of_points(&names, &responses, &by_point(&trials, None), false), true).unwrap(),
-    )
-    .unwrap();
+    let csv = table_csv(&of_points(&names, &responses, &by_point(&trials, None), false));
     let head = csv.lines().next().unwrap();
     assert!(head.starts_with("point,/a,/w,trials,succeeded,failed,unstable,n.n,n.mean,"), "{head}");
     assert!(head.contains(",ok.n,ok.words,") && head.ends_with(",y.low_95,y.high_95"), "{head}");
     assert!(csv.lines().nth(1).unwrap().contains("\"{\"\"true\"\":1}\""), "{csv}");
+}
+
+#[test]
+fn every_column_has_a_meaning_and_the_unit_of_its_name() {
+    let outputs = outputs_of("hopper").unwrap();
+    let responses: Vec<_> = outputs
+        .responses
+        .iter()
+        .map(|row| Response { name: row.name.to_owned(), has_numbers: true, has_words: true })
+        .collect();
+    let names = ["/equipment/gate_opening_m".to_owned()];
+    let trials = of_trials(&names, &[], &responses, &[]);
+    let points = of_points(&names, &responses, &[], true);
+    for column in trials.iter().chain(&points) {
+        assert!(unit_of(column.name(), Some("hopper")).meaning.ends_with(['.', ')']), "{}", column.name());
+    }
+    let units = [
+        "/equipment/gate_opening_m",
+        "/equipment/surfaces/1/position_m/2",
+        "mean_rate_kg_s",
+        "mean_rate_kg_s.low_95",
+        "mean_rate_kg_s.n",
+        "regime.words",
+        "critical_angle_deg",
+        "gone_kg.mean",
+    ]
+    .map(|name| unit_of(name, Some("hopper")).unit);
+    assert_eq!(units, ["m", "m", "kg/s", "kg/s", "", "", "°", ""]);
+    let share = unit_of("jammed.mean", Some("hopper")).meaning;
+    assert!(share.starts_with("Share of the succeeded jobs with 1. "), "{share}");
+    assert_eq!(unit_of("gone_kg", None).meaning, "", "a response of an earlier version");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::outcomes::trial;
+use super::outcomes::{table_csv, trial};
 use super::*;
 
 const FRICTION: &str = "/contact/fillet_fillet/static_friction";
@@ -73,7 +73,7 @@ fn intervals_include_parameter_uncertainty() {
     let names = ["y".to_owned()];
     let response = Response { name: names[0].clone(), has_numbers: true, has_words: false };
     let table = of_points(&[], &[response], &by_point(&trials, Some(2)), true);
-    let table = String::from_utf8(csv(&table, true).unwrap()).unwrap();
+    let table = table_csv(&table);
     assert!(
         table.lines().next().unwrap().ends_with("y.high_95,y.input_deviation,y.chance_deviation"),
         "{table}"
