@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, Protocol, TypeGuard, Union, cast, runtime_checkable
 
@@ -46,7 +46,7 @@ def kind_of(document: Mapping[str, Any]) -> Kind:
 def load(document: Document) -> tuple[dict[str, Any], Path]:
     """A document as plain JSON, and the folder from which its file names start: that of its file, or the working folder."""
     if isinstance(document, HasDocument):
-        return _plain(document.to_dict()), Path()
+        return _plain(_as_given(document)), Path()
     if isinstance(document, Mapping):
         return _plain(document), Path()
     path = Path(document)
@@ -63,7 +63,7 @@ def complete(document: dict[str, Any], folder: Path, upload: Callable[[bytes], s
         files.insert_measurements(document)
         files.insert_posterior(document)
         files.insert_design(document)
-    files.insert_meshes(document, "", is_mesh=False)
+    files.insert_meshes(document)
     if files.faults:
         raise ScenarioError(files.faults)
     return document
@@ -120,22 +120,10 @@ class _Files:
         if _is_object(design):
             self._insert_text(design, "/design", self._folder)
 
-    def insert_meshes(self, value: Any, pointer: str, *, is_mesh: bool) -> None:
-        """Puts digests in the place of the names of STL files, wherever a document may have a mesh."""
-        if _is_list(value):
-            for index, item in enumerate(value):
-                self.insert_meshes(item, f"{pointer}/{index}", is_mesh=is_mesh)
-        if not _is_object(value):
-            return
-        if is_mesh:
-            self._insert_mesh(value, pointer)
-            return
-        pointers: list[Any] = [value.get("pointer"), *_rows(value.get("pointers"))]
-        has_mesh_levels = any(str(of).endswith("/mesh") for of in pointers)
-        for name, inner in value.items():
-            # An object in a row of levels can only be a mesh.
-            is_level = (pointer == "/design" and name == "rows") or (has_mesh_levels and name == "levels")
-            self.insert_meshes(inner, f"{pointer}/{_escaped(name)}", is_mesh=is_level or name == "mesh")
+    def insert_meshes(self, document: dict[str, Any]) -> None:
+        """Puts digests in the place of the names of STL files."""
+        for mesh, pointer in _meshes(document, "", is_mesh=False):
+            self._insert_mesh(mesh, pointer)
 
     def _insert_mesh(self, mesh: dict[str, Any], pointer: str) -> None:
         if "file" not in mesh:
@@ -168,6 +156,24 @@ class _Files:
             self.faults.append(
                 Fault(f"{pointer}/file", name, str(error), "the path of a CSV file, relative to the folder of this document")
             )
+
+
+def _meshes(value: Any, pointer: str, *, is_mesh: bool) -> Iterator[tuple[dict[str, Any], str]]:
+    """The objects of a document that name a mesh, wherever it may have one, each with its pointer."""
+    if _is_list(value):
+        for index, item in enumerate(value):
+            yield from _meshes(item, f"{pointer}/{index}", is_mesh=is_mesh)
+    if not _is_object(value):
+        return
+    if is_mesh:
+        yield value, pointer
+        return
+    pointers: list[Any] = [value.get("pointer"), *_rows(value.get("pointers"))]
+    has_mesh_levels = any(str(of).endswith("/mesh") for of in pointers)
+    for name, inner in value.items():
+        # An object in a row of levels can only be a mesh.
+        is_level = (pointer == "/design" and name == "rows") or (has_mesh_levels and name == "levels")
+        yield from _meshes(inner, f"{pointer}/{_escaped(name)}", is_mesh=is_level or name == "mesh")
 
 
 def _curves(measurements: Any, pointer: str) -> list[tuple[dict[str, Any], str]]:
@@ -208,10 +214,26 @@ def _plain(document: Any) -> dict[str, Any]:
     return plain
 
 
+def _as_given(value: HasDocument) -> dict[str, Any]:
+    """The document of an object: of a `roost.Scenario` the fields that it was given, with the full paths of its mesh files.
+
+    Its defaults stay out, because a factor of a sweep may change the defaults of other fields.
+    """
+    given = getattr(value, "given", None)
+    if given is None:
+        return value.to_dict()
+    folder = Path(getattr(value, "_folder", ""))
+    document = _plain(given)
+    for mesh, _ in _meshes(document, "", is_mesh=False):
+        if "file" in mesh:
+            mesh["file"] = os.fspath(folder / str(mesh["file"]))
+    return document
+
+
 def _as_json(value: Any) -> Any:
     """What JSON lacks: documents within documents, mappings, numbers of numpy, paths."""
     if isinstance(value, HasDocument):
-        return value.to_dict()
+        return _as_given(value)
     if isinstance(value, Mapping):
         return dict(cast("Mapping[str, Any]", value))
     if hasattr(value, "tolist"):

@@ -108,6 +108,22 @@ def test_fields_decide_the_kind() -> None:
     assert kind_of({"schema": "roost.measurements/9"}) == "measurements"
 
 
+def test_a_scenario_brings_its_fields_and_files_but_no_defaults(tmp_path: Path) -> None:
+    roost = pytest.importorskip("roost.scenario")
+    (tmp_path / "block.stl").write_bytes(box_stl())
+    scenario = roost.Scenario(scene({"file": "block.stl", "units": "mm"}), folder=tmp_path)
+    plain, folder = load({"base": scenario})
+    assert plain["base"] == scene({"file": str(tmp_path / "block.stl"), "units": "mm"})
+    sent: list[bytes] = []
+
+    def upload(content: bytes) -> str:
+        sent.append(content)
+        return "digest"
+
+    complete(plain, folder, upload)
+    assert sent == [box_stl()] and plain["base"]["scene"]["surfaces"][0]["mesh"]["digest"] == "digest"
+
+
 def test_arrays_and_documents_within_become_json(tmp_path: Path) -> None:
     class Scenario:
         def to_dict(self) -> dict[str, Any]:

@@ -28,6 +28,12 @@ def test_a_scenario_becomes_a_result(client: Client, tmp_path: Path) -> None:
     assert not list(tmp_path.glob("*.part"))
 
 
+def test_a_result_has_tables_of_its_curves(client: Client) -> None:
+    pytest.importorskip("roost._native")
+    result = client.submit_job(hopper()).wait(60, progress=False).result()
+    assert result.end_reason == "duration" and result.to_pandas().attrs["units"]["discharged_mass"] == "kg"
+
+
 def test_an_equal_scenario_gets_the_stored_result(client: Client) -> None:
     scenario = hopper(seed=77)
     first = client.submit_job(scenario).wait(60, progress=False)
