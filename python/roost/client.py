@@ -25,7 +25,7 @@ from roost.api.documents import Document
 from roost.api.events import Event
 from roost.api.jobs import Job
 from roost.api.studies import Study
-from roost.api.sweeps import Format, Sweep
+from roost.api.sweeps import Format, Names, Sweep
 from roost.api.transport import Params, Transport, Unreachable, quoted
 from roost.api.units import Units
 from roost.errors import ApiError, Fault
@@ -222,10 +222,11 @@ class Client:
         *,
         format: Format | None = None,
         by: tables.By = "trial",
-        query: Params | None = None,
+        names: Names | None = None,
+        units: bool = False,
     ) -> Path:
         """Writes the results of a sweep to a file: CSV, Parquet, Excel or JSON. See `Sweep.download`."""
-        return self.sweep(sweep).download(path, format=format, by=by, query=query)
+        return self.sweep(sweep).download(path, format=format, by=by, names=names, units=units)
 
     # The server
 

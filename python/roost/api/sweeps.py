@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import xarray
 
 Format = Literal["csv", "parquet", "xlsx", "json"]
+Names = Literal["pointer", "short"]
 _FORMATS = ("csv", "parquet", "xlsx", "json")
 _PAGE = 5000
 _SERIES_PAGE = 200
@@ -225,18 +226,23 @@ class Sweep:
         format: Format | None = None,
         by: tables.By = "trial",
         responses: Sequence[str] | None = None,
-        query: Params | None = None,
+        names: Names | None = None,
+        units: bool = False,
     ) -> Path:
         """Writes its results to a file as CSV, Parquet, Excel or JSON. The format follows from the end of the name unless given.
 
-        `query` has further parameters of `GET /v1/sweeps/{id}/results`.
+        Columns of factors have their JSON pointers as names, or with `names="short"` the names of data frames. A workbook of Excel
+        has short names and a sheet of units. With `units`, the second line of a CSV file has the units.
         """
         target = Path(path)
-        format = format or _format_of(target)
-        selected = None if responses is None else ",".join(responses)
-        return self._transport.download(
-            f"{self._path}/results", target, {"format": format, "by": by, "responses": selected, **(query or {})}
-        )
+        query: dict[str, str | None] = {
+            "format": format or _format_of(target),
+            "by": by,
+            "responses": None if responses is None else ",".join(responses),
+            "names": names,
+            "units": "true" if units else None,
+        }
+        return self._transport.download(f"{self._path}/results", target, query)
 
     def scan_parquet(self, path: str | os.PathLike[str], *, by: tables.By = "trial") -> polars.LazyFrame:
         """Downloads its results as Parquet, and scans the file lazily with polars, with short column names.

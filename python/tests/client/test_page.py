@@ -36,4 +36,6 @@ def test_the_page_runs(farm: Farm, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     exec(compile(code, "docs/howto/python.md", "exec"), names)
     assert (tmp_path / "rate-against-gate.png").stat().st_size > 1000
     assert (tmp_path / "gates.xlsx").stat().st_size > 1000
+    head, units = (tmp_path / "gates.csv").read_text(encoding="utf-8").splitlines()[:2]
+    assert dict(zip(head.split(","), units.split(",")))["gate_opening_m"] == "m"
     assert isinstance(names["client"], Client) and names["share"].n == 6
