@@ -29,7 +29,9 @@ By = Literal["trial", "point"]
 
 # Decimals of times that count as equal.
 _DECIMALS = 9
-_OF_RESPONSE = ("mean", "standard_deviation", "low_95", "high_95", "input_deviation", "chance_deviation")
+_STATISTICS = ("mean", "standard_deviation", "low_95", "high_95")
+# Of sweeps whose replicates drew parameters from a posterior.
+_OF_DRAWN = ("input_deviation", "chance_deviation")
 
 
 @dataclass(frozen=True)
@@ -222,13 +224,16 @@ def _point_columns(sweep: SweepView, rows: Sequence[dict[str, Any]], units: Unit
     columns["failed"] = [row["counts"]["failed"] for row in rows]
     columns["unstable"] = [row["unstable"] for row in rows]
     known = {name: units.of_field(name) for name in sweep["factors"]}
+    statistics = _STATISTICS if sweep.get("runs_per_sample") is None else (*_STATISTICS, *_OF_DRAWN)
     for response in _names(rows, "responses"):
         summaries = [row["responses"].get(response, {}) for row in rows]
-        present = [name for name in _OF_RESPONSE if any(name in summary for summary in summaries)]
+        has_words = any("words" in summary for summary in summaries)
+        has_numbers = not has_words or any("mean" in summary for summary in summaries)
+        present = statistics if has_numbers else ()
         columns[f"{response}.n"] = [summary.get("n", 0) for summary in summaries]
         columns |= {f"{response}.{name}": [summary.get(name) for summary in summaries] for name in present}
         known |= {f"{response}.{name}": units.of_response(response) for name in present}
-        if any("words" in summary for summary in summaries):
+        if has_words:
             columns[f"{response}.words"] = [json.dumps(summary["words"]) if "words" in summary else None for summary in summaries]
     return columns, known
 

@@ -12,6 +12,7 @@ import polars
 import pytest
 
 import roost.api.sweeps
+from roost import tables
 from roost.client import Client, Sweep
 from roost.errors import ApiError, RoostError
 from roost.tables import Share, short_names
@@ -129,6 +130,15 @@ def test_files_have_the_same_rows(sweep: Sweep, client: Client, tmp_path: Path) 
     assert len(json.loads(points.read_bytes())["points"]) == 4
     with pytest.raises(RoostError, match="format"):
         sweep.download(tmp_path / "results.docx")
+
+
+@pytest.mark.parametrize("by", ["trial", "point"])
+def test_columns_are_those_of_the_short_names_of_the_server(sweep: Sweep, tmp_path: Path, by: tables.By) -> None:
+    with sweep.download(tmp_path / "short.csv", names="short", units=True, by=by).open(encoding="utf-8") as file:
+        names, units = (file.readline().rstrip("\n").split(",") for _ in range(2))
+    results = sweep.results(by=by)
+    assert list(results.columns) == names
+    assert results.units == {name: unit for name, unit in zip(names, units) if unit}
 
 
 def test_effects_and_differences(sweep: Sweep) -> None:
