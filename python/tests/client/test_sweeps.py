@@ -1,0 +1,193 @@
+"""Sweeps: tables of pandas, polars and xarray, shares, effects, extensions, files and deletion."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy
+import pandas
+import polars
+import pytest
+
+import roost.api.sweeps
+from roost import tables
+from roost.client import Client, Sweep
+from roost.errors import ApiError, RoostError
+from roost.tables import Share, short_names
+
+from .servers import hopper
+
+GATE, FRICTION = "gate_opening_m", "static_friction"
+
+
+@pytest.fixture(scope="module")
+def sweep(client: Client, sweep_document: dict[str, Any]) -> Sweep:
+    sweep = client.submit_sweep(sweep_document).wait(120, progress=False)
+    assert sweep.view["counts"]["succeeded"] == 8, sweep
+    return sweep
+
+
+def test_results_have_short_names_units_and_types(sweep: Sweep) -> None:
+    table = sweep.to_pandas()
+    assert table.shape[0] == 8
+    assert list(table.columns[:6]) == ["job_id", "point", "replicate", "seed", GATE, FRICTION]
+    assert table[GATE].tolist() == [0.01] * 4 + [0.08] * 4
+    assert table.attrs["units"][GATE] == "m" and table.attrs["units"]["discharged_kg"] == "kg"
+    assert FRICTION not in table.attrs["units"] and "jammed" not in table.attrs["units"]
+    assert table.attrs["pointers"][FRICTION] == "/contact/fillet_belt/static_friction"
+    assert table.seed.tolist() == [1, 2] * 4
+    assert table.discharged_kg.dtype == numpy.float64
+    # Rows are selected and grouped as in any data frame.
+    assert table[table.state == "succeeded"].groupby(GATE).discharged_kg.mean().shape == (2,)
+
+
+def test_polars_has_the_same_table(sweep: Sweep) -> None:
+    frame = sweep.to_polars()
+    table = sweep.to_pandas()
+    assert frame.columns == list(table.columns)
+    assert frame["discharged_kg"].to_list() == table.discharged_kg.tolist()
+    assert frame.schema["seed"] == polars.Int64 and frame.schema["regime"] == polars.String
+
+
+def test_points_have_means_with_the_intervals_of_the_server(sweep: Sweep) -> None:
+    points = sweep.to_pandas(by="point")
+    assert points.shape[0] == 4 and points.trials.tolist() == [2] * 4
+    jobs = sweep.to_pandas()
+    means = jobs.groupby("point").discharged_kg.mean()
+    assert numpy.allclose(points["discharged_kg.mean"], means)
+    assert (points["discharged_kg.low_95"] <= points["discharged_kg.mean"]).all()
+    assert points.attrs["units"]["discharged_kg.low_95"] == "kg" and "discharged_kg.n" not in points.attrs["units"]
+    assert json.loads(points["regime.words"][0])
+    for _, point in points.iterrows():
+        jammed = int(jobs.loc[jobs.point == point.point, "jammed"].sum())
+        share = Share.of(jammed, 2)
+        expected = (point["jammed.mean"], point["jammed.low_95"], point["jammed.high_95"])
+        assert (share.share, share.low_95, share.high_95) == pytest.approx(expected, abs=1e-9)
+    with pytest.raises(RoostError, match="by job"):
+        sweep.results(by="point").share("jammed")
+
+
+def test_shares_match_scipy() -> None:
+    # scipy.stats.binomtest(count, n).proportion_ci(method="wilson"), SciPy 1.17.1.
+    for count, n, low, high in [
+        (0, 5, 0.0, 0.43448246478317476),
+        (29, 40, 0.5716504419378943, 0.8389198375233267),
+        (5, 5, 0.5655175352168251, 1),
+    ]:
+        share = Share.of(count, n)
+        assert (share.low_95, share.high_95) == pytest.approx((low, high), abs=1e-9)
+    assert str(Share.of(3, 12)) == "3 of 12 (9 to 53 %)"
+
+
+def test_shares_count_indicators_and_words(sweep: Sweep) -> None:
+    jobs = sweep.to_pandas()
+    assert (sweep.jam_share().count, sweep.jam_share().n) == (int(jobs.jammed.sum()), 8) == (2, 8)
+    word = jobs.regime[0]
+    assert sweep.share("regime", word).count == int((jobs.regime == word).sum()) > 0
+    assert sweep.share("no such response").n == 0
+
+
+def test_pages_are_followed(sweep: Sweep, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole, curves = sweep.to_pandas(), sweep.to_xarray("discharged_mass")
+    monkeypatch.setattr(roost.api.sweeps, "_PAGE", 3)
+    monkeypatch.setattr(roost.api.sweeps, "_SERIES_PAGE", 3)
+    pandas.testing.assert_frame_equal(sweep.to_pandas(), whole)
+    assert len(sweep.results(by="point")) == 4
+    assert sweep.to_xarray("discharged_mass").equals(curves)
+    assert len(sweep.jobs()) == 8 and len(sweep.jobs(limit=3)) == 3 and len(sweep.jobs(point=1)) == 2
+
+
+def test_curves_lie_over_design_replicate_and_time(sweep: Sweep) -> None:
+    data = sweep.to_xarray("discharged_mass", "inside_mass")
+    mass = data.discharged_mass
+    assert mass.dims == ("design", "replicate", "t_s") and mass.shape[:2] == (4, 2)
+    assert mass.attrs["units"] == "kg" and data[GATE].attrs["units"] == "m" and data.t_s.attrs["units"] == "s"
+    assert data[GATE].values.tolist() == [0.01, 0.01, 0.08, 0.08]
+    assert data.seed.values.tolist() == [[1, 2]] * 4
+    (job,) = [job for job in sweep.jobs(point=2) if job.view.get("replicate") == 1]
+    series = job.series("discharged_mass")
+    ours = mass.sel(design=2, replicate=1).dropna("t_s")
+    assert numpy.allclose(ours.t_s, series["t_s"]) and numpy.allclose(ours, series["values"])
+    coarse = sweep.to_xarray("discharged_mass", samples=4)
+    assert coarse.sizes["t_s"] <= 4
+    with pytest.raises(RoostError, match="discharged_mass"):
+        sweep.to_xarray()
+    with pytest.raises(ApiError, match="discharged_mass"):
+        sweep.to_xarray("no such series")
+
+
+def test_files_have_the_same_rows(sweep: Sweep, client: Client, tmp_path: Path) -> None:
+    table = sweep.to_pandas()
+    csv = pandas.read_csv(sweep.download(tmp_path / "results.csv"))
+    assert csv["/equipment/gate_opening_m"].tolist() == table[GATE].tolist()
+    lazy = sweep.scan_parquet(tmp_path / "results.parquet")
+    assert isinstance(lazy, polars.LazyFrame)
+    wide = lazy.filter(polars.col(GATE) > 0.05).select("seed", "discharged_kg").collect()
+    assert wide["discharged_kg"].to_list() == table[table[GATE] > 0.05].discharged_kg.tolist()
+    points = client.download(sweep.id, tmp_path / "points", format="json", by="point")
+    assert len(json.loads(points.read_bytes())["points"]) == 4
+    with pytest.raises(RoostError, match="format"):
+        sweep.download(tmp_path / "results.docx")
+
+
+@pytest.mark.parametrize("by", ["trial", "point"])
+def test_columns_are_those_of_the_short_names_of_the_server(sweep: Sweep, tmp_path: Path, by: tables.By) -> None:
+    with sweep.download(tmp_path / "short.csv", names="short", units=True, by=by).open(encoding="utf-8") as file:
+        names, units = (file.readline().rstrip("\n").split(",") for _ in range(2))
+    results = sweep.results(by=by)
+    assert list(results.columns) == names
+    assert results.units == {name: unit for name, unit in zip(names, units) if unit}
+
+
+def test_effects_and_differences(sweep: Sweep) -> None:
+    effects = {row["response"]: row for row in sweep.effects()["responses"]}
+    assert effects["discharged_kg"]["points"] == 4
+    difference = {row["response"]: row for row in sweep.compare(0, 2)["responses"]}["discharged_kg"]
+    means = sweep.to_pandas(by="point")["discharged_kg.mean"]
+    assert difference["difference"] == pytest.approx(means[2] - means[0])
+
+
+def test_a_sweep_is_extended_resubmitted_watched_and_deleted(client: Client, sweep: Sweep, tmp_path: Path) -> None:
+    document = sweep.spec()
+    document["name"] = "again"
+    document["factors"] = [{"pointer": "/equipment/gate_opening_m", "levels": numpy.array([0.04, 0.08])}]
+    path = tmp_path / "sweep.json"
+    again = client.submit_sweep(document, priority=1).wait(60, progress=False)
+    extended = again.extend(levels={"/equipment/gate_opening_m": [0.06]}, replicates=1)
+    assert extended.view["points"] == 3 and extended.view["replicates"] == 3
+    kinds = [event.kind for event in extended.watch()]
+    assert kinds[0] == "sweep" and extended.is_ended
+    assert sorted(set(again.to_pandas()[GATE])) == [0.04, 0.06, 0.08]
+    path.write_text(json.dumps(again.spec()), encoding="utf-8")
+    copy = client.submit(path)
+    assert isinstance(copy, Sweep) and copy.view["points"] == 2
+    copy.wait(60, progress=False)
+    assert copy.delete(dry_run=True)["jobs"] == 4 and client.sweep(copy.id).id == copy.id
+    assert copy.delete()["dry_run"] is False
+    with pytest.raises(ApiError):
+        copy.refresh()
+    assert [other.id for other in client.sweeps(limit=1)] == [again.id]
+
+
+def test_failed_jobs_are_warned_of(client: Client, sweep_document: dict[str, Any]) -> None:
+    document: dict[str, Any] = {**sweep_document, "name": "unstable", "replicates": 1}
+    base = hopper(0.4)
+    base["numerics"] |= {"timestep_s": 0.02, "allow_unstable": True}
+    document["base"] = base
+    document["factors"] = document["factors"][:1]
+    sweep = client.submit_sweep(document)
+    with pytest.warns(UserWarning, match="2 jobs have failed .2 unstable"):
+        sweep.wait(60, progress=False)
+    assert sweep.share("jammed").n == 0
+
+
+def test_names_are_as_short_as_those_of_the_command() -> None:
+    assert short_names(["/equipment/gate_opening_m", "/seed"]) == ["gate_opening_m", "seed"]
+    twins = ["/contact/fillet_belt/friction", "/contact/fillet_wall/friction", "/condition"]
+    assert short_names(twins) == ["fillet_belt.friction", "fillet_wall.friction", "condition"]
+    assert short_names(["/product/sizes_m/0/1"]) == ["sizes_m.0.1"]
+    assert short_names(["/a/x", "/x"]) == ["a.x", "/x"]
+    columns = ["seed", "/numerics/seed", "/seed", "discharged_kg", "/a/count"]
+    assert short_names(columns) == ["seed", "numerics.seed", "/seed", "discharged_kg", "count"]
