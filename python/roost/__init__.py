@@ -1,0 +1,29 @@
+"""Roost: DEM simulations of soft food.
+
+`run` simulates a `Scenario` in this process, without a server.
+"""
+
+from ._native import SOLVER_REVISION
+from ._native import VERSION as __version__
+from .errors import ApiError, Cancelled, Fault, Interrupted, RoostError, ScenarioError
+from .result import Curve, Result, RunWarning
+from .running import Progress, run
+from .scenario import Estimate, Scenario
+
+__all__ = [
+    "SOLVER_REVISION",
+    "ApiError",
+    "Cancelled",
+    "Curve",
+    "Estimate",
+    "Fault",
+    "Interrupted",
+    "Progress",
+    "Result",
+    "RoostError",
+    "RunWarning",
+    "Scenario",
+    "ScenarioError",
+    "__version__",
+    "run",
+]
