@@ -12,7 +12,7 @@ test: NEEDS += chromium:chromium
 # Drivers complain without.
 export XDG_RUNTIME_DIR ?= /tmp
 
-.PHONY: demo test check deny dashboard-check book validation needs
+.PHONY: demo test check deny dashboard-check book validation wheel python-tools needs
 
 MDBOOK := target/tools/bin/mdbook
 
@@ -23,7 +23,7 @@ demo: needs
 test: NEEDS += faketime:faketime
 # The tests of the alerts in deploy/ start a Prometheus of their own; they use no service that the package may start.
 test: NEEDS += promtool:prometheus
-test: needs
+test: needs python-tools
 	cargo test --workspace --no-fail-fast $(TEST)
 
 # Format, lints, documentation of the code, dependencies, and types of the dashboard. A warning is an error.
@@ -44,6 +44,34 @@ deny: needs
 	if [ -x "$$cargo_deny" ]; then "$$cargo_deny" check bans licenses sources; \
 	elif [ -z "$$CI" ]; then echo "deny.toml is not checked: cargo-deny cannot be installed (cargo install cargo-deny --locked)"; \
 	else echo "deny.toml cannot be checked: cargo-deny cannot be installed" >&2; exit 1; fi
+
+# What the tests of the Python package need: interpreter, packages and mypy from PyPI, pyright from npm, all by hash.
+PYTHON_TOOLS := target/tools/python
+PYRIGHT := target/tools/pyright
+python-tools: NEEDS += python3:python3-venv node:nodejs npm:npm
+python-tools: needs
+	@if ! cmp -s .ci/python.txt $(PYTHON_TOOLS)/requirements.txt; then \
+		echo "installing the tools of the Python tests from PyPI into $(PYTHON_TOOLS)"; \
+		python3 -m venv --clear $(PYTHON_TOOLS) && $(PYTHON_TOOLS)/bin/pip install --quiet --disable-pip-version-check \
+			--no-compile --require-hashes --requirement .ci/python.txt && cp .ci/python.txt $(PYTHON_TOOLS)/requirements.txt; \
+	fi
+	@if ! cmp -s .ci/pyright/package-lock.json $(PYRIGHT)/package-lock.json; then \
+		echo "installing pyright from npm into $(PYRIGHT)"; \
+		mkdir -p $(PYRIGHT) && cp .ci/pyright/package*.json $(PYRIGHT)/ && \
+		npm ci --prefix $(PYRIGHT) --ignore-scripts --no-audit --no-fund --silent || { rm -rf $(PYRIGHT); exit 1; }; \
+	fi
+
+# The Python package as dist/roost-*.whl: the native module, and the command as a script. PROFILE=dev uses the build of the tests.
+PROFILE ?= release
+wheel: NEEDS += strip:binutils
+wheel: needs python-tools
+	cargo build --profile $(PROFILE) --bin roost
+	mkdir -p python/data/scripts dist
+	strip -o python/data/scripts/roost target/$(PROFILE:dev=debug)/roost
+	cp LICENSE-APACHE LICENSE-MIT python/
+	rm -f dist/roost-*.whl
+	$(PYTHON_TOOLS)/bin/maturin build --manifest-path python/Cargo.toml --profile $(PROFILE) --out dist
+	ls -lh dist/roost-*.whl
 
 # Types of the dashboard's modules, against the API's OpenAPI document. Where npm cannot install TypeScript, this says so and passes.
 DASHBOARD_TOOLS := target/tools/dashboard

@@ -37,6 +37,7 @@ fn crates_import_only_what_the_architecture_allows() {
         ("roost-reproduce", &["roost-server v", "roost-worker v"]),
         ("roost-bench", &["roost-server v"]),
         ("roost-terminal", &["roost-server v", "roost-worker v"]),
+        ("roost-python", &["roost-api v", "roost-worker v", "tokio v", "hyper v", "reqwest v"]),
         ("roost-stats", &["roost-solver v", "roost-api v"]),
         (
             "roost-design",

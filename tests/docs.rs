@@ -139,6 +139,7 @@ fn documents_named_in_the_code_exist() {
         "bench",
         "design",
         "frames",
+        "python",
         "reproduce",
         "server",
         "solver",

@@ -1,5 +1,7 @@
 //! Meshes: STL files, each named by the digest of its bytes.
 
+pub use roost_solver::mesh::is_digest;
+use roost_solver::mesh::{DIGEST_DIGITS, MAX_FILE_BYTES};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -9,8 +11,8 @@ use crate::time::Timestamp;
 /// Media type of an STL file.
 pub const MEDIA_TYPE: &str = "model/stl";
 
-/// Default of the maximum size of a file, in bytes: enough for 200,000 triangles as ASCII.
-pub const MAX_BYTES: usize = 64 * 1024 * 1024;
+/// Default of the maximum size of a file, in bytes.
+pub const MAX_BYTES: usize = MAX_FILE_BYTES;
 
 words!(
     /// Format of an STL file.
@@ -54,16 +56,7 @@ pub struct MeshView {
     pub uploaded_at: Timestamp,
 }
 
-/// Hexadecimal digits of a digest of 32 bytes.
-const DIGEST_DIGITS: usize = 64;
-
 /// The regular expression of a digest, for JSON Schema.
 pub fn digest_pattern() -> String {
     format!("^[0-9a-f]{{{DIGEST_DIGITS}}}$")
-}
-
-/// Whether a text has the form of a digest.
-pub fn is_digest(text: &str) -> bool {
-    text.len() == DIGEST_DIGITS
-        && text.bytes().all(|byte| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte))
 }

@@ -1,3 +1,34 @@
-"""Roost: simulations of chicken fillets in hoppers and tests, on this machine and at a server."""
+"""Roost: DEM simulations of soft food.
 
-from roost.client import Client as Client
+`run` simulates a `Scenario` in this process, without a server.
+"""
+
+from ._native import SOLVER_REVISION
+from ._native import VERSION as __version__
+from .client import Client, Job, Study, Sweep
+from .errors import ApiError, Cancelled, Fault, Interrupted, RoostError, ScenarioError
+from .result import Curve, Result, RunWarning
+from .running import Progress, run
+from .scenario import Estimate, Scenario
+
+__all__ = [
+    "Sweep",
+    "Study",
+    "Job",
+    "Client",
+    "SOLVER_REVISION",
+    "ApiError",
+    "Cancelled",
+    "Curve",
+    "Estimate",
+    "Fault",
+    "Interrupted",
+    "Progress",
+    "Result",
+    "RoostError",
+    "RunWarning",
+    "Scenario",
+    "ScenarioError",
+    "__version__",
+    "run",
+]

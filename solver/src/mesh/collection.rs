@@ -12,6 +12,15 @@ pub fn digest(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex().to_string()
 }
 
+/// Hexadecimal digits of a [`digest`].
+pub const DIGEST_DIGITS: usize = 64;
+
+/// Whether a text has the form of a [`digest`].
+pub fn is_digest(text: &str) -> bool {
+    text.len() == DIGEST_DIGITS
+        && text.bytes().all(|byte| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte))
+}
+
 /// A file that was read. The scenario states the units of its numbers.
 #[derive(Debug)]
 pub struct Stl {

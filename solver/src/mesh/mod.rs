@@ -16,10 +16,12 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-pub use collection::{Meshes, Stl, digest};
+pub use collection::{DIGEST_DIGITS, Meshes, Stl, digest, is_digest};
 pub use error::MeshError;
 use weld::weld;
 
+/// Maximum size of a file, in bytes: enough for [`MAX_TRIANGLES`] as ASCII.
+pub const MAX_FILE_BYTES: usize = 64 * 1024 * 1024;
 /// Maximum number of triangles of a file.
 pub const MAX_TRIANGLES: usize = 200_000;
 /// Minimum of the longest side of a mesh's box, in metres.

@@ -12,6 +12,7 @@ mod fault;
 pub mod field;
 pub mod fields;
 mod json;
+mod mesh_files;
 mod names;
 mod own_fields;
 mod relations;
@@ -25,6 +26,7 @@ mod upgrade;
 
 pub use fault::{Fault, ScenarioError, must_be, unknown_field};
 pub use json::read_json;
+pub use mesh_files::{MeshFile, MeshFiles, read_mesh_files};
 pub use names::{escape, most_similar, nearest};
 pub use relations::MAX_SAMPLES;
 pub use schema::{field_tables_markdown, json_schema};

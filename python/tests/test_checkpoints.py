@@ -1,0 +1,141 @@
+"""Ctrl-C and checkpoints: package and command continue each other's files."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import roost
+from conftest import Fields, physics, slow_hopper
+
+SCRIPT = """
+import json, sys
+import roost
+
+def show(progress):
+    if progress.phase == "process":
+        print("under way", flush=True)
+
+try:
+    roost.run(json.loads(sys.argv[1]), threads=1, checkpoint=sys.argv[2], progress=show)
+except roost.Interrupted as stop:
+    series = stop.result.series["discharged_mass"]
+    print(json.dumps([stop.result.end_reason, len(series.x), stop.result.responses]))
+    raise SystemExit(3)
+"""
+
+
+@pytest.fixture(scope="module")
+def undisturbed() -> Fields:
+    return physics(roost.run(slow_hopper(), threads=1, progress=False).document)
+
+
+def start(arguments: list[str], folder: Path) -> subprocess.Popen[str]:
+    return subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder)
+
+
+def interrupt(process: subprocess.Popen[str]) -> str:
+    """Sends SIGINT. Returns what the process printed."""
+    assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    output, errors = process.communicate(timeout=60)
+    assert process.returncode in (1, 3), errors
+    return output
+
+
+def test_the_command_continues_after_ctrl_c_in_python(
+    undisturbed: Fields, roost_run: Callable[..., Fields], tmp_path: Path
+) -> None:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    arguments = [sys.executable, "-c", SCRIPT, json.dumps(slow_hopper()), str(folder)]
+    with start(arguments, tmp_path) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "under way\n"
+        output = interrupt(process)
+    assert process.returncode == 3
+    end_reason, samples, responses = json.loads(output.splitlines()[-1])
+    assert (end_reason, responses) == ("cancelled", {}) and samples > 1
+    assert (folder / "checkpoint.roost").exists()
+    options = ("--backend", "cpu", "--threads", "1", "--checkpoint-every", "1h")
+    assert physics(roost_run(slow_hopper(), *options, folder=folder)) == undisturbed
+    assert not (folder / "checkpoint.roost").exists()
+
+
+def test_python_continues_after_ctrl_c_in_the_command(undisturbed: Fields, command: str, tmp_path: Path) -> None:
+    file, folder = tmp_path / "scenario.json", tmp_path / "out"
+    file.write_text(json.dumps(slow_hopper()))
+    saved = folder / "checkpoint.roost"
+    arguments = [command, "run", str(file), "-o", str(folder), "--backend", "cpu", "--threads", "1"]
+    arguments += ["--checkpoint-every", "1h"]
+    with start(arguments, tmp_path) as process:
+        assert process.stderr is not None
+        while "sub-particles, at most" not in process.stderr.readline():
+            assert process.poll() is None
+        time.sleep(0.3)
+        interrupt(process)
+    assert saved.exists()
+    seen: list[roost.Progress] = []
+    result = roost.run(file, threads=1, checkpoint=saved, progress=seen.append)
+    assert physics(result.document) == undisturbed
+    assert seen[0].wall_s > 0.3 and not saved.exists()
+
+
+def stop_at(fraction: float) -> Callable[[roost.Progress], None]:
+    def stop(progress: roost.Progress) -> None:
+        if progress.fraction > fraction:
+            raise StopIteration
+
+    return stop
+
+
+def test_a_checkpoint_of_another_run_is_refused(tmp_path: Path) -> None:
+    saved = tmp_path / "new" / "run.roost"
+    with pytest.raises(StopIteration):
+        roost.run(slow_hopper(), threads=1, checkpoint=saved, progress=stop_at(0.3))
+    with pytest.raises(roost.RoostError, match="another scenario.*from_start=True begins at zero"):
+        roost.run(slow_hopper(), threads=1, seed=7, checkpoint=saved, progress=False)
+    seen: list[roost.Progress] = []
+
+    def stop_at_once(progress: roost.Progress) -> None:
+        seen.append(progress)
+        raise StopIteration
+
+    with pytest.raises(StopIteration):
+        roost.run(slow_hopper(), threads=1, seed=7, checkpoint=saved, from_start=True, progress=stop_at_once)
+    assert seen[0].wall_s < 0.5
+    saved.write_bytes(b"no checkpoint")
+    with pytest.raises(roost.RoostError, match="this is not a checkpoint of Roost"):
+        roost.run(slow_hopper(), threads=1, checkpoint=saved, progress=False)
+
+
+def test_checkpoints_are_written_during_a_run(tmp_path: Path) -> None:
+    saved = tmp_path / "run.roost"
+    written: set[int] = set()
+
+    def look(progress: roost.Progress) -> None:
+        if saved.exists():
+            written.add(saved.stat().st_mtime_ns)
+
+    roost.run(slow_hopper(), threads=1, checkpoint=saved, checkpoint_every=0.2, progress=look)
+    assert len(written) > 2
+    assert list(tmp_path.iterdir()) == [], "deleted at the end, and no other file stays"
+
+
+def test_a_checkpoint_that_cannot_be_written_is_a_warning(tmp_path: Path) -> None:
+    folder = tmp_path / "gone"
+
+    def remove(progress: roost.Progress) -> None:
+        if folder.exists():
+            folder.rmdir()
+
+    with pytest.warns(RuntimeWarning, match="the checkpoint was not saved"):
+        result = roost.run(slow_hopper(), threads=1, checkpoint=folder / "run.roost", checkpoint_every=0.3, progress=remove)
+    assert result.end_reason == "duration"

@@ -1,0 +1,90 @@
+"""Runs in this process: bits, progress, the interpreter's lock, seeds, devices."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+import roost
+from conftest import Fields, hopper, physics, slow_hopper
+
+BEND: Fields = {"experiment": "bend", "product": {"subparticle_radius_m": 0.009}, "numerics": {"timestep_s": "auto"}}
+
+
+@pytest.mark.parametrize("fields", [hopper(0.5), BEND], ids=["hopper", "bend"])
+def test_a_run_has_the_bits_of_the_command(fields: Fields, roost_run: Callable[..., Fields]) -> None:
+    result = roost.run(fields, progress=False)
+    assert physics(result.document) == physics(roost_run(fields))
+    assert result.responses and result.scenario.digest == result.document["scenario_digest"]
+
+
+def test_a_seed_takes_the_place_of_the_scenarios() -> None:
+    first, second = (roost.run(hopper(0.2), seed=seed, progress=False) for seed in (1, 2))
+    assert second.document["scenario"]["seed"] == 2
+    assert first.document["series"] != second.document["series"]
+
+
+def test_progress_is_reported_about_ten_times_a_second() -> None:
+    seen: list[roost.Progress] = []
+    result = roost.run(slow_hopper(), threads=1, progress=seen.append)
+    assert 3 <= len(seen) <= 10 * result.wall_s + 1
+    assert {progress.phase for progress in seen} <= {"fill", "process"}
+    fractions = [progress.fraction for progress in seen]
+    assert fractions == sorted(fractions) and 0 <= fractions[0] < fractions[-1] <= 1
+    assert "left" in str(seen[-1])
+
+
+def test_an_exception_of_the_progress_function_stops_the_run() -> None:
+    def stop(progress: roost.Progress) -> None:
+        raise LookupError("enough")
+
+    started = time.monotonic()
+    with pytest.raises(LookupError, match="enough"):
+        roost.run(slow_hopper(500.0), threads=1, progress=stop)
+    assert time.monotonic() - started < 10
+
+
+def test_other_threads_go_on_during_a_run() -> None:
+    with ThreadPoolExecutor(1) as pool:
+        running = pool.submit(roost.run, slow_hopper(), threads=1, progress=False)
+        ticks = 0
+        while not running.done():
+            time.sleep(0.005)
+            ticks += 1
+    # With the lock held, this thread would wake once.
+    assert ticks > 20 and running.result().end_reason == "duration"
+
+
+def test_runs_in_a_thread_pool_have_the_bits_of_single_runs() -> None:
+    def run(seed: int) -> Fields:
+        return physics(roost.run(hopper(0.1), seed=seed, threads=1, progress=False).document)
+
+    with ThreadPoolExecutor(2) as pool:
+        assert list(pool.map(run, range(8))) == [run(seed) for seed in range(8)]
+
+
+def test_a_diverging_run_is_a_result() -> None:
+    fields = hopper(0.5)
+    fields["numerics"] |= {"timestep_s": 0.02, "allow_unstable": True}
+    result = roost.run(fields, progress=False)
+    assert result.end_reason == "unstable" and result.document["instability"]["step"] > 0
+
+
+def test_an_unknown_device_is_refused() -> None:
+    with pytest.raises(roost.RoostError, match='device is "tpu"; allowed: "cpu", "gpu"'):
+        roost.run(hopper(0.1), device="tpu", progress=False)
+    with pytest.raises(roost.RoostError, match="no GPU"):
+        roost.run(hopper(0.1), device="gpu:no such adapter", progress=False)
+
+
+def test_the_bar_shows_phase_and_time_left(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    roost.run(slow_hopper(), threads=1)
+    assert capsys.readouterr().err == "", "a log gets no bar"
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    roost.run(slow_hopper(), threads=1)
+    shown = capsys.readouterr().err
+    assert "simulating" in shown and "t = " in shown and "left" in shown
+    assert shown.rstrip().endswith("of wall time")
