@@ -92,7 +92,7 @@ async function scan(file, from) {
 
 /** @param {ReturnType<typeof source>} file @param {FrameHeader} head @param {FrameIndexEntry[]} index */
 function reader(file, head, index) {
-  const thread = new Worker("/dashboard/playback/unpack.js");
+  const thread = new Worker(new URL("./unpack.js", import.meta.url));
   thread.postMessage({ counts: head.bodies.map((kind) => head.kinds[kind].subparticles) });
   /** @type {Map<number, { done: (frame: Frame) => void, failed: (error: Error) => void }>} */
   const pending = new Map();

@@ -11,14 +11,22 @@ import { scene } from "./scene.js";
 /** Values that colour sub-particles. @type {Option[]} */
 const COLOURS = [["body", "body"], ["speed", "speed"], ["damage", "broken bonds"]];
 
+/**
+ * The surroundings of a player: choices that outlive it, by name, and messages to the reader. By default the choices are in the page's address.
+ * @typedef {{ kept: (name: string) => string | null, keep: (choices: Record<string, string | number>) => void, announce: (text: string) => void }} Surroundings
+ */
+
+/** @type {Surroundings} */
+const PAGE = { kept: parameter, keep: setParameters, announce };
+
 /** A longer time between two images is a pause, which the mean leaves out. */
 const PAUSE_MS = 500;
 
 /**
  * The player of the frames at a path, with a function that ends it; null when there are no frames.
- * @param {string} url
+ * @param {string} url @param {Surroundings} [surroundings]
  */
-export async function player(url) {
+export async function player(url, { kept, keep, announce } = PAGE) {
   const opened = await frames(url);
   if (!opened || opened.index.length === 0) return null;
   const stream = opened;
@@ -26,7 +34,7 @@ export async function player(url) {
   const canvas = h("canvas", { tabindex: 0, role: "img", "aria-label": "Playback of the job. Arrow keys turn the view, plus and minus zoom, space plays." });
   const drawing = scene(canvas, head);
   /** @type {{ k: number, colour: string, speed: number, is_playing: boolean, frame: Frame | null }} */
-  const state = { k: 0, colour: parameter("colour") ?? "body", speed: 1, is_playing: false, frame: null };
+  const state = { k: 0, colour: kept("colour") ?? "body", speed: 1, is_playing: false, frame: null };
   const top = h("output"), time = h("output", { class: "mono" }), rate = h("output", { class: "dim" });
   const line = h("input", { type: "range", min: 0, max: index.length - 1, step: 1, value: 0, "aria-label": "Frame", oninput: () => void go(Number(line.value)) });
   const button = h("button", { type: "button", class: "main", onclick: () => (state.is_playing ? pause() : play()) }, "Play");
@@ -135,7 +143,7 @@ export async function player(url) {
   function pause() {
     state.is_playing = false;
     button.textContent = "Play";
-    setParameters({ frame: state.k, view: view.asText() });
+    keep({ frame: state.k, view: view.asText() });
   }
   const go = (/** @type {number} */ k) => {
     pause();
@@ -166,7 +174,7 @@ export async function player(url) {
     h("div", { class: "row" },
       choice("Colour by", COLOURS, state.colour, (value) => {
         state.colour = value;
-        setParameters({ colour: value });
+        keep({ colour: value });
         load();
       }), scale,
       choice("Speed", [["0.1", "1/10"], ["0.25", "1/4"], ["1", "real time"], ["2", "double"]], "1", (value) => {
@@ -178,9 +186,9 @@ export async function player(url) {
       h("label", { class: "field" }, equipment, "equipment"),
       h("button", { type: "button", onclick: save }, "Save image"),
       h("span", { class: "dim" }, "drag: turn; Shift and drag: move; wheel: zoom; keys , and . : previous and next frame"), rate));
-  const saved_view = parameter("view");
+  const saved_view = kept("view");
   if (saved_view) view.set(saved_view);
-  const first = Math.min(index.length - 1, Number(parameter("frame") ?? 0) || 0);
+  const first = Math.min(index.length - 1, Number(kept("frame") ?? 0) || 0);
   queueMicrotask(() => show(first).catch(failed));
   return { element, end: () => {
     plays++;
