@@ -70,6 +70,7 @@ wheel: needs python-tools
 	strip -o python/data/scripts/roost target/$(PROFILE:dev=debug)/roost
 	cp LICENSE-APACHE LICENSE-MIT python/
 	rm -f dist/roost-*.whl
+	$(PYTHON_TOOLS)/bin/python python/stage.py
 	$(PYTHON_TOOLS)/bin/maturin build --manifest-path python/Cargo.toml --profile $(PROFILE) --out dist
 	ls -lh dist/roost-*.whl
 

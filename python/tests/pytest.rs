@@ -21,27 +21,14 @@ fn build() -> PathBuf {
 static PACKAGE: LazyLock<PathBuf> = LazyLock::new(|| {
     let folder = build().join("python");
     let package = folder.join("roost");
-    let _ = fs::remove_dir_all(&package);
-    copy(&sources().join("roost"), &package);
+    fs::create_dir_all(&folder).expect("a folder");
+    let staged = Command::new(tool("python/bin/python")).arg(sources().join("stage.py")).arg(&folder).status();
+    assert!(staged.expect("stage.py starts").success(), "stage.py fails");
     let name = format!("{}_native{}", env::consts::DLL_PREFIX, env::consts::DLL_SUFFIX);
     let native = if cfg!(windows) { "_native.pyd" } else { "_native.abi3.so" };
     fs::copy(build().join("deps").join(name), package.join(native)).expect("the native module");
     folder
 });
-
-/// Copies a folder without compiled Python code.
-fn copy(from: &Path, to: &Path) {
-    fs::create_dir_all(to).expect("a folder");
-    for entry in fs::read_dir(from).expect("a folder") {
-        let path = entry.expect("an entry").path();
-        let name = path.file_name().expect("a name");
-        if path.is_file() {
-            fs::copy(&path, to.join(name)).expect("a copy");
-        } else if name != "__pycache__" {
-            copy(&path, &to.join(name));
-        }
-    }
-}
 
 /// A program of the tools.
 fn tool(path: &str) -> PathBuf {
