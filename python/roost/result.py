@@ -176,11 +176,13 @@ def _floats(values: Iterable[float | None]) -> Floats:
 def _aligned(curves: Iterable[Curve]) -> tuple[Floats, dict[str, Floats]]:
     """Curves over one sorted axis. A curve without a value at a place has NaN there."""
     curves = list(curves)
-    places: Floats = np.unique(np.concatenate([_floats([]), *(curve.x for curve in curves)]))
+    # Equal times of two series may differ in their last bits.
+    axes: list[Floats] = [np.round(curve.x, 9) if curve.over == "t" else curve.x for curve in curves]
+    places: Floats = np.unique(np.concatenate([_floats([]), *axes]))
     columns: dict[str, Floats] = {}
-    for curve in curves:
+    for curve, axis in zip(curves, axes):
         column: Floats = np.full(len(places), np.nan)
-        column[np.searchsorted(places, curve.x)] = curve.values
+        column[np.searchsorted(places, axis)] = curve.values
         columns[curve.name] = column
     return places, columns
 
