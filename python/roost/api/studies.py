@@ -91,7 +91,9 @@ class Study:
         found = finding.get("calibrate")
         if not found:
             raise RoostError("the study has no posterior: it is no calibration, or has no answer yet")
-        return tables.samples(self.view["factors"], found["samples"], self._units)
+        # One of the factors of a calibration with several tests is the test, which is no parameter.
+        parameters = [row["parameter"] for row in found["parameters"]]
+        return tables.samples(parameters, found["samples"], self._units)
 
     def forecast(self) -> Forecast:
         """When it ends, as a range."""
