@@ -69,7 +69,7 @@ fn python_tests_pass() {
 #[test]
 fn types_pass_mypy() {
     let cache = build().join("python/mypy");
-    run(Command::new(tool("python/bin/mypy")).args(["roost", "tests", "--cache-dir"]).arg(cache));
+    run(Command::new(tool("python/bin/mypy")).args(["roost", "tests", "examples", "--cache-dir"]).arg(cache));
 }
 
 #[test]
