@@ -152,7 +152,7 @@ class _Bar:
 
     def __init__(self) -> None:
         # A notebook has no terminal, and still shows bars.
-        hidden = False if "ipykernel" in sys.modules else None
+        hidden = False if _is_notebook() else None
         form = "{desc} {percentage:3.0f}%|{bar}| {postfix}"
         self._bar = tqdm(total=1.0, desc="simulating", bar_format=form, disable=hidden)
 
@@ -169,3 +169,9 @@ class _Bar:
         self._bar.n = fraction
         self._bar.set_postfix_str(text, refresh=False)
         self._bar.refresh()
+
+
+def _is_notebook() -> bool:
+    """Whether this is the process of a notebook. Widgets import ipykernel in scripts too."""
+    kernel = sys.modules.get("ipykernel.kernelapp")
+    return kernel is not None and bool(kernel.IPKernelApp.initialized())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -81,6 +82,7 @@ def test_an_unknown_device_is_refused() -> None:
 
 
 def test_the_bar_shows_phase_and_time_left(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    importlib.import_module("ipykernel.kernelapp")  # as widgets do, outside of notebooks too
     roost.run(slow_hopper(), threads=1)
     assert capsys.readouterr().err == "", "a log gets no bar"
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
