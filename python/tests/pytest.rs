@@ -22,7 +22,8 @@ static PACKAGE: LazyLock<PathBuf> = LazyLock::new(|| {
     let folder = build().join("python");
     let package = folder.join("roost");
     fs::create_dir_all(&folder).expect("a folder");
-    let staged = Command::new(tool("python/bin/python")).arg(sources().join("stage.py")).arg(&folder).status();
+    let staged =
+        Command::new(tool("python/bin/python")).arg(sources().join("stage.py")).arg(&folder).status();
     assert!(staged.expect("stage.py starts").success(), "stage.py fails");
     let name = format!("{}_native{}", env::consts::DLL_PREFIX, env::consts::DLL_SUFFIX);
     let native = if cfg!(windows) { "_native.pyd" } else { "_native.abi3.so" };
