@@ -43,7 +43,9 @@ fn every_folder_is_on_the_map() {
         let names = entries.map(|entry| entry.expect("an entry")).filter(|entry| entry.path().is_dir());
         names.map(|entry| entry.file_name().into_string().expect("UTF-8")).collect::<Vec<_>>()
     };
-    let is_source = |name: &String| !name.starts_with('.') && name != "target" && !name.ends_with("-out");
+    let is_source = |name: &String| {
+        !name.starts_with('.') && !["target", "dist"].contains(&name.as_str()) && !name.ends_with("-out")
+    };
     for name in folders(".").into_iter().filter(is_source) {
         assert!(text.contains(&format!("`{name}/`")), "{name}/ is not on the map");
     }
