@@ -45,7 +45,7 @@ deny: needs
 	elif [ -z "$$CI" ]; then echo "deny.toml is not checked: cargo-deny cannot be installed (cargo install cargo-deny --locked)"; \
 	else echo "deny.toml cannot be checked: cargo-deny cannot be installed" >&2; exit 1; fi
 
-# What the tests of the Python package need: interpreter, packages and mypy from PyPI, pyright from npm, all by hash.
+# What the tests of the Python package need: interpreter, packages and mypy from PyPI, pyright from npm, all by hash. With uv, since pip needs a minute of processor time.
 PYTHON_TOOLS := target/tools/python
 PYRIGHT := target/tools/pyright
 python-tools: NEEDS += python3:python3-venv node:nodejs npm:npm
@@ -53,7 +53,8 @@ python-tools: needs
 	@if ! cmp -s .ci/python.txt $(PYTHON_TOOLS)/requirements.txt; then \
 		echo "installing the tools of the Python tests from PyPI into $(PYTHON_TOOLS)"; \
 		python3 -m venv --clear $(PYTHON_TOOLS) && $(PYTHON_TOOLS)/bin/pip install --quiet --disable-pip-version-check \
-			--no-compile --require-hashes --requirement .ci/python.txt && cp .ci/python.txt $(PYTHON_TOOLS)/requirements.txt; \
+			--require-hashes --requirement .ci/uv.txt && $(PYTHON_TOOLS)/bin/uv pip install --quiet --python $(PYTHON_TOOLS) \
+			--require-hashes --requirement .ci/python.txt && cp .ci/python.txt $(PYTHON_TOOLS)/requirements.txt; \
 	fi
 	@if ! cmp -s .ci/pyright/package-lock.json $(PYRIGHT)/package-lock.json; then \
 		echo "installing pyright from npm into $(PYRIGHT)"; \
