@@ -13,6 +13,10 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn execute(args: &Args) -> Result<Exit> {
-    if args.scenario { print_line(json_schema())? } else { print_line(roost_server::openapi())? }
+    if args.scenario {
+        print_line(json_schema())?
+    } else {
+        print_line(roost_server::openapi())?
+    }
     Ok(Exit::Done)
 }

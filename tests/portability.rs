@@ -21,8 +21,19 @@ const UNIX_ONLY: &[&str] = &[
     "set_tcp_notsent_lowat",
 ];
 
-const FOLDERS: &[&str] =
-    &["api", "bench", "design", "frames", "reproduce", "server", "solver", "stats", "terminal", "worker"];
+const FOLDERS: &[&str] = &[
+    "api",
+    "bench",
+    "design",
+    "frames",
+    "python",
+    "reproduce",
+    "server",
+    "solver",
+    "stats",
+    "terminal",
+    "worker",
+];
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))

@@ -6,7 +6,7 @@
 from ._native import SOLVER_REVISION
 from ._native import VERSION as __version__
 from .client import Client, Job, Study, Sweep
-from .errors import ApiError, Cancelled, Fault, Interrupted, RoostError, ScenarioError
+from .errors import ApiError, Fault, Interrupted, RoostError, ScenarioError
 from .result import Curve, Result, RunWarning
 from .running import Progress, run
 from .scenario import Estimate, Scenario
@@ -18,7 +18,6 @@ __all__ = [
     "Client",
     "SOLVER_REVISION",
     "ApiError",
-    "Cancelled",
     "Curve",
     "Estimate",
     "Fault",

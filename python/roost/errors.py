@@ -75,10 +75,6 @@ class ApiError(RoostError):
         return "\n  ".join([text + request, *map(str, self.faults)])
 
 
-class Cancelled(RoostError):
-    """Somebody cancelled the job, so that it has no result."""
-
-
 class Interrupted(KeyboardInterrupt):
     """Ctrl-C stopped a run in good order."""
 

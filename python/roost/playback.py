@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 from typing import Any, Protocol, Union, runtime_checkable
-from urllib.parse import urlsplit
+from urllib.parse import urlsplit, urlunsplit
 
 from roost.errors import RoostError
 
@@ -101,12 +101,12 @@ def _of_job(job: Recorded) -> bytes:
 
 
 def _download(address: str, token: str | None) -> bytes:
-    import httpx
+    from roost.api.transport import Transport
 
-    headers = {} if token is None else {"authorization": f"Bearer {token}"}
+    parts = urlsplit(address)
+    # Without a token of the caller, none is sent: the address may be of another server than that of ROOST_TOKEN.
+    transport = Transport(f"{parts.scheme}://{parts.netloc}", token or "")
     try:
-        answer = httpx.get(address, headers=headers, timeout=60)
-        answer.raise_for_status()
-    except httpx.HTTPError as error:
-        raise RoostError(f"the frames cannot be read: {error}") from error
-    return answer.content
+        return transport.send("GET", urlunsplit(("", "", parts.path, parts.query, ""))).content
+    finally:
+        transport.close()

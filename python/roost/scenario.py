@@ -59,7 +59,7 @@ class Scenario:
             raise TypeError("a scenario is either a file or fields: change those of a file by with_()")
         else:
             path = Path(source)
-            text, folder = path.read_text(encoding="utf-8"), path.parent
+            text, folder = path.read_text(encoding="utf-8-sig"), path.parent
         # Absolute, so that a later change of the working directory does not matter.
         self._folder = Path(folder).absolute()
         try:

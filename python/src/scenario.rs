@@ -76,7 +76,9 @@ impl Scenario {
             .map_err(|error| Refused::new_err(format!("checkpoint_every: {error}")))?;
         let file = checkpoint.map(|path| CheckpointFile::new(path, interval));
         let saved = match &file {
-            Some(file) if !from_start => file.read(&computer.stamp(&checked)).map_err(Refused::new_err)?,
+            Some(file) if !from_start => {
+                py.detach(|| file.read(&computer.stamp(&checked))).map_err(Refused::new_err)?
+            }
             _ => None,
         };
         let mut observer = PythonObserver::new(report, file);

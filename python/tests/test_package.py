@@ -20,7 +20,7 @@ def test_the_version_is_that_of_the_command(command: str) -> None:
 def test_every_module_is_readable_for_the_oldest_interpreter_and_says_its_purpose() -> None:
     oldest = re.search(r'requires-python = ">=3\.(\d+)"', (PYTHON / "pyproject.toml").read_text())
     assert oldest is not None
-    files = sorted((PYTHON / "roost").glob("*.py"))
+    files = sorted((PYTHON / "roost").rglob("*.py"))
     assert len(files) > 4
     for file in files:
         tree = ast.parse(file.read_text(), file.name, feature_version=(3, int(oldest[1])))

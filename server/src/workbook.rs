@@ -198,6 +198,7 @@ mod tests {
             assert_eq!(cell(5), word("1000000000000001"), "a number would lose a digit");
             assert_eq!([cell(6), cell(7)], [Data::Bool(true), Data::Empty]);
             assert_eq!(cell(8), word("=1+1"), "text, no formula");
+            assert_eq!(cell(9), word("<&>\u{1}\n"));
             assert_eq!(cell(10), word(r#"{"constant":2}"#));
             let Data::String(shortened) = cell(11) else { panic!("{:?}", cell(11)) };
             assert_eq!(shortened, format!("{}…", "ä".repeat(MAX_CHARACTERS)));

@@ -12,7 +12,7 @@ import random
 import ssl
 import time
 import urllib.parse
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,8 @@ _REFUSED = frozenset({425, 429, 503})
 _FIRST_PATIENCE_S = 2.0
 # The server sends a comment every 15 s.
 _QUIET_STREAM_S = 45.0
+# A table of a large sweep is made before its first byte is sent.
+_WHOLE_FILE_S = 600.0
 
 
 class Unreachable(RoostError, ConnectionError):
@@ -41,16 +43,20 @@ class Unreachable(RoostError, ConnectionError):
 
 
 class _Pauses:
-    """Growing pauses between repeats, up to a total time."""
+    """Growing pauses between repeats, up to a total time from the first failure on."""
 
-    def __init__(self, patience_s: float) -> None:
-        self._end = time.monotonic() + patience_s
+    def __init__(self, patience_s: Callable[[], float]) -> None:
+        self._patience_s = patience_s
+        self._end: float | None = None
         self._next_s = 0.1
 
     def wait(self, retry_after_s: float | None = None) -> bool:
         """Pauses, unless the time is over. Returns whether to repeat."""
         pause = retry_after_s if retry_after_s is not None else self._next_s * random.uniform(0.5, 1.0)
-        if time.monotonic() + pause > self._end:
+        now = time.monotonic()
+        if self._end is None:
+            self._end = now + self._patience_s()
+        if now + pause > self._end:
             return False
         time.sleep(pause)
         self._next_s = min(2 * self._next_s, 5.0)
@@ -196,7 +202,7 @@ class Transport:
         part = target.with_name(f"{target.name}.part")
         while True:
             try:
-                with self._stream(path, params=params, quiet_s=120.0) as answer, part.open("wb") as file:
+                with self._stream(path, params=params, quiet_s=_WHOLE_FILE_S) as answer, part.open("wb") as file:
                     for chunk in answer.iter_bytes():
                         file.write(chunk)
                 return part.replace(target)
@@ -214,19 +220,23 @@ class Transport:
         pauses = self._pauses()
         is_first = True
         while True:
+            opened: float | None = None
             headers = {"accept": "text/event-stream", **({"last-event-id": last} if last else {})}
             try:
                 with self._stream(path, headers=headers, quiet_s=_QUIET_STREAM_S) as answer:
                     if not is_first:
                         yield Event("resumed", {}, None)
                     is_first = False
+                    opened = time.monotonic()
                     for event in parse(answer.iter_lines()):
-                        pauses = self._pauses()
                         last = event.id or last
                         yield event
                 # The server stops: its successor continues the stream.
                 raise httpx.RemoteProtocolError("the event stream has ended")
             except (httpx.TransportError, _Busy) as error:
+                # A stream that worked for a while is no failure of the repeats before it.
+                if opened is not None and time.monotonic() - opened > 1.0:
+                    pauses = self._pauses()
                 self._pause_or_raise(pauses, error)
 
     @contextmanager
@@ -252,7 +262,7 @@ class Transport:
             raise self._unreachable(error) from error
 
     def _pauses(self) -> _Pauses:
-        return _Pauses(self._patience_s if self._was_reached else min(self._patience_s, _FIRST_PATIENCE_S))
+        return _Pauses(lambda: self._patience_s if self._was_reached else min(self._patience_s, _FIRST_PATIENCE_S))
 
     def _json(self, answer: httpx.Response) -> Any:
         try:

@@ -13,6 +13,7 @@ import pytest
 from roost.api.documents import complete, kind_of, load
 from roost.client import Client
 from roost.errors import RoostError, ScenarioError
+from roost.scenario import Scenario
 
 
 def box_stl() -> bytes:
@@ -109,9 +110,8 @@ def test_fields_decide_the_kind() -> None:
 
 
 def test_a_scenario_brings_its_fields_and_files_but_no_defaults(tmp_path: Path) -> None:
-    roost = pytest.importorskip("roost.scenario")
     (tmp_path / "block.stl").write_bytes(box_stl())
-    scenario = roost.Scenario(scene({"file": "block.stl", "units": "mm"}), folder=tmp_path)
+    scenario = Scenario(scene({"file": "block.stl", "units": "mm"}), folder=tmp_path)
     plain, folder = load({"base": scenario})
     assert plain["base"] == scene({"file": str(tmp_path / "block.stl"), "units": "mm"})
     sent: list[bytes] = []

@@ -39,6 +39,19 @@ def test_requests_and_events_survive_a_restart(own_farm: Farm) -> None:
     assert job.state == "succeeded" and kinds[0] == "job" and "resumed" in kinds
 
 
+def test_a_stream_that_was_quiet_for_longer_than_the_patience_goes_on(own_farm: Farm) -> None:
+    server = own_farm.serve()
+    client = own_farm.client(patience_s=2)
+    job = client.submit_job(hopper())
+    stream = job.watch()
+    assert next(stream).kind == "job"
+    time.sleep(2.5)
+    server.kill()
+    server.wait()
+    own_farm.serve()
+    assert next(stream).kind == "resumed"
+
+
 def test_a_limit_of_requests_slows_a_client_down(own_farm: Farm) -> None:
     own_farm.serve("--max-requests-per-s", "4")
     client = own_farm.client()

@@ -113,8 +113,15 @@ impl TableQuery {
         self.names.map_or(self.format == TableFormat::Xlsx, |names| names == Names::Short)
     }
 
+    /// Whether the table states the units of its columns.
+    pub(super) fn has_units(&self) -> bool {
+        self.units || self.format == TableFormat::Xlsx
+    }
+
     /// The selected responses; none selects all.
     pub(super) fn selected(&self) -> Option<Vec<String>> {
-        self.responses.as_ref().map(|names| names.split(',').map(str::to_owned).collect())
+        self.responses
+            .as_ref()
+            .map(|names| names.split(',').filter(|name| !name.is_empty()).map(str::to_owned).collect())
     }
 }

@@ -79,7 +79,7 @@ pub(crate) async fn table(
         selected,
         is_drawn,
         has_short_names: query.has_short_names(),
-        experiment: experiment(&app, id).await?,
+        experiment: if query.has_units() { experiment(&app, id).await? } else { None },
     };
     let replicates = sweep.replicates;
     let rows = TableRows { app, id, by_point, replicates, runs_per_sample: drawn, posterior, range };
