@@ -69,7 +69,7 @@ async fn invalid_queries_are_refused() {
     }
     server.get("/v1/sweeps?cursor=-1").await.problem(400, "invalid-query");
     server.get("/v1/workers?cursor=1").await.problem(400, "invalid-query");
-    server.get(&format!("/v1/sweeps/{NO_JOB}/results?format=xlsx")).await.problem(400, "invalid-query");
+    server.get(&format!("/v1/sweeps/{NO_JOB}/results?format=ods")).await.problem(400, "invalid-query");
     server
         .post(&format!("/v1/jobs/{NO_JOB}/retry?class=bad"), &json!({}))
         .await
