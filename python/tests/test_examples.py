@@ -56,13 +56,10 @@ def test_snakemake_sweeps_gate_openings(tmp_path: Path) -> None:
 @pytest.fixture
 def farm(tmp_path: Path) -> Iterator[Farm]:
     """A server with a worker."""
-    farm = Farm(tmp_path)
-    try:
+    with Farm(tmp_path) as farm:
         farm.serve()
         farm.work()
         yield farm
-    finally:
-        farm.stop()
 
 
 def test_optuna_chooses_points_that_jobs_evaluate(farm: Farm, tmp_path: Path) -> None:

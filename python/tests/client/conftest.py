@@ -16,13 +16,10 @@ from .servers import Farm, hopper
 @pytest.fixture(scope="session")
 def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
     """A server with a worker, for all tests that stop neither."""
-    farm = Farm(tmp_path_factory.mktemp("farm"))
-    try:
+    with Farm(tmp_path_factory.mktemp("farm")) as farm:
         farm.serve()
         farm.work()
         yield farm
-    finally:
-        farm.stop()
 
 
 @pytest.fixture(scope="session")
@@ -34,11 +31,8 @@ def client(farm: Farm) -> Client:
 @pytest.fixture
 def own_farm(tmp_path: Path) -> Iterator[Farm]:
     """An address without a server, for tests that start and stop their own."""
-    farm = Farm(tmp_path)
-    try:
+    with Farm(tmp_path) as farm:
         yield farm
-    finally:
-        farm.stop()
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,7 @@ ROOST = os.environ.get("ROOST_COMMAND", str(ROOT / "target/debug/roost"))
 
 
 class Farm:
-    """A server at a fixed address with its data in a folder, and its workers."""
+    """A server at a fixed address with its data in a folder, and its workers. As a context, it ends them."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -23,6 +23,12 @@ class Farm:
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             self.url = f"http://127.0.0.1:{probe.getsockname()[1]}"
+
+    def __enter__(self) -> Farm:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
 
     def serve(self, *arguments: str) -> subprocess.Popen[bytes]:
         """Starts the server, and waits until it listens."""
