@@ -12,8 +12,6 @@ from nbclient import NotebookClient
 
 NOTEBOOKS = Path(__file__).parents[1] / "notebooks"
 PICTURES = {"first-run": 1, "sweep": 2, "study": 1, "calibration": 1}
-# They simulate for 20 to 50 s: too long for every run of the tests. ROOST_ALL_NOTEBOOKS=1 runs them too.
-LONG = {"study", "calibration"}
 
 
 def load(name: str) -> Any:
@@ -42,8 +40,6 @@ def test_every_notebook_is_known_and_without_outputs() -> None:
 
 @pytest.mark.parametrize("name", PICTURES)
 def test_a_notebook_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    if name in LONG and not os.environ.get("ROOST_ALL_NOTEBOOKS"):
-        pytest.skip("long: ROOST_ALL_NOTEBOOKS=1 runs it")
     monkeypatch.setenv("PATH", str(Path(os.environ["ROOST_COMMAND"]).parent), prepend=os.pathsep)
     notebook = load(name)
     client = NotebookClient(notebook, timeout=180, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}})
