@@ -33,7 +33,8 @@ pub(crate) struct Args {
     /// % intervals over its replicates
     #[arg(long, value_enum, default_value_t = By::Trial)]
     by: By,
-    /// Names of the columns of fields: JSON pointers, or as few of their last parts as are unique [default: short for xlsx, else pointer]
+    /// Names of the columns of fields: JSON pointers, or short names. A short name has only the last parts of the pointer, as many as make it
+    /// unique [default: short for xlsx, else pointer]
     #[arg(long, value_enum)]
     names: Option<Names>,
     /// Add a second header line with the units, for csv

@@ -8,7 +8,7 @@ use uuid::Uuid;
 use crate::list;
 use crate::target::{self, Target};
 
-/// Queue the failed and cancelled jobs of a sweep again, or one job
+/// Queue one job again, or all failed and cancelled jobs of a sweep
 ///
 /// To continue a cancelled study, retry its sweep, which has the same id.
 #[derive(Debug, clap::Args)]
