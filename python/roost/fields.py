@@ -48,7 +48,7 @@ class HopperEquipmentSurfacesItem(TypedDict, total=False):
     """Motion from t = 0 on. `fixed`: no motion. `belt`: the surface stays in its place, and its material runs like a
     belt. `moving`: the surface moves and turns. Source: assumed. Default: "fixed"."""
     name: Required[str]
-    """Name of the surface in messages and series. Each surface needs another name. Source: assumed."""
+    """Name of the surface in messages and series. Two surfaces must not have the same name. Source: assumed."""
     orientation_deg: Sequence[float]
     """Rotation of the surface about `position_m`: yaw, pitch and roll. Unit: °. Source: assumed. Default: [0.0, 0.0,
     0.0]."""
@@ -105,7 +105,7 @@ class SceneSurfacesItem(TypedDict, total=False):
     """Motion from t = 0 on. `fixed`: no motion. `belt`: the surface stays in its place, and its material runs like a
     belt. `moving`: the surface moves and turns. Source: assumed. Default: "fixed"."""
     name: Required[str]
-    """Name of the surface in messages and series. Each surface needs another name. Source: assumed."""
+    """Name of the surface in messages and series. Two surfaces must not have the same name. Source: assumed."""
     orientation_deg: Sequence[float]
     """Rotation of the surface about `position_m`: yaw, pitch and roll. Unit: °. Source: assumed. Default: [0.0, 0.0,
     0.0]."""
@@ -284,8 +284,8 @@ class HopperContact(TypedDict, total=False):
     assumed. Default: 1.0. Range: ≥ 1 and ≤ 1.5."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ
-    R/R₀. A surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: γ at every radius.
-    Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    R/R₀. A surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: the energy is γ at
+    every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class DropContact(TypedDict, total=False):
@@ -302,8 +302,8 @@ class DropContact(TypedDict, total=False):
     """These values apply to contacts between sub-particles."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ
-    R/R₀. A surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: γ at every radius.
-    Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    R/R₀. A surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: the energy is γ at
+    every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class BendContact(TypedDict, total=False):
@@ -320,8 +320,8 @@ class BendContact(TypedDict, total=False):
     """These values apply to contacts between sub-particles."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ
-    R/R₀. A surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: γ at every radius.
-    Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    R/R₀. A surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: the energy is γ at
+    every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class SlideContact(TypedDict, total=False):
@@ -338,8 +338,8 @@ class SlideContact(TypedDict, total=False):
     """These values apply to contacts between sub-particles."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ
-    R/R₀. A surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: γ at every radius.
-    Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    R/R₀. A surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: the energy is γ at
+    every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class CompressContact(TypedDict, total=False):
@@ -356,8 +356,8 @@ class CompressContact(TypedDict, total=False):
     """These values apply to contacts between sub-particles."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ
-    R/R₀. A surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: γ at every radius.
-    Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    R/R₀. A surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: the energy is γ at
+    every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class SceneContact(TypedDict, total=False):
@@ -378,8 +378,8 @@ class SceneContact(TypedDict, total=False):
     assumed. Default: 1.0. Range: ≥ 1 and ≤ 1.5."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ
-    R/R₀. A surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: γ at every radius.
-    Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    R/R₀. A surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: the energy is γ at
+    every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class HopperEquipment(TypedDict, total=False):
@@ -637,7 +637,7 @@ class HopperProduct(TypedDict, total=False):
     for grains, and for comparisons with other programs. False: bodies have the shapes of `sizes_m` or `mesh`. Source:
     assumed. Default: false."""
     subparticle_density_kg_m3: float | None
-    """Density of a sub-particle. If you give it, it replaces `density_kg_m3`. The paper states both densities, but they
+    """Density of a sub-particle. A value here replaces `density_kg_m3`. The paper states both densities, but they
     contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null. Range: ≥ 10 and ≤ 20000."""
     subparticle_radius_m: float
     """Radius R of a sub-particle. Neighbouring sub-particles have the distance 2R. Half the radius makes eight times as
@@ -670,7 +670,7 @@ class DropProduct(TypedDict, total=False):
     """Length, width and thickness of each size. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04], [0.172,
     0.072, 0.032], [0.176, 0.072, 0.04]]."""
     subparticle_density_kg_m3: float | None
-    """Density of a sub-particle. If you give it, it replaces `density_kg_m3`. The paper states both densities, but they
+    """Density of a sub-particle. A value here replaces `density_kg_m3`. The paper states both densities, but they
     contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null. Range: ≥ 10 and ≤ 20000."""
     subparticle_radius_m: float
     """Radius R of a sub-particle. Neighbouring sub-particles have the distance 2R. Half the radius makes eight times as
@@ -699,7 +699,7 @@ class BendProduct(TypedDict, total=False):
     """Length, width and thickness of each size. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04], [0.172,
     0.072, 0.032], [0.176, 0.072, 0.04]]."""
     subparticle_density_kg_m3: float | None
-    """Density of a sub-particle. If you give it, it replaces `density_kg_m3`. The paper states both densities, but they
+    """Density of a sub-particle. A value here replaces `density_kg_m3`. The paper states both densities, but they
     contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null. Range: ≥ 10 and ≤ 20000."""
     subparticle_radius_m: float
     """Radius R of a sub-particle. Neighbouring sub-particles have the distance 2R. Half the radius makes eight times as
@@ -728,7 +728,7 @@ class SlideProduct(TypedDict, total=False):
     """Length, width and thickness of each size. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04], [0.172,
     0.072, 0.032], [0.176, 0.072, 0.04]]."""
     subparticle_density_kg_m3: float | None
-    """Density of a sub-particle. If you give it, it replaces `density_kg_m3`. The paper states both densities, but they
+    """Density of a sub-particle. A value here replaces `density_kg_m3`. The paper states both densities, but they
     contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null. Range: ≥ 10 and ≤ 20000."""
     subparticle_radius_m: float
     """Radius R of a sub-particle. Neighbouring sub-particles have the distance 2R. Half the radius makes eight times as
@@ -745,7 +745,7 @@ class CompressProduct(TypedDict, total=False):
     """Factor by which the lengths of fillets and sub-particles are multiplied. Source: Fig. 12. Default: 1.0. Range: ≥
     0.05 and ≤ 20."""
     subparticle_density_kg_m3: float | None
-    """Density of a sub-particle. If you give it, it replaces `density_kg_m3`. The paper states both densities, but they
+    """Density of a sub-particle. A value here replaces `density_kg_m3`. The paper states both densities, but they
     contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null. Range: ≥ 10 and ≤ 20000."""
     subparticle_radius_m: float
     """Radius R of a sub-particle. Neighbouring sub-particles have the distance 2R. Half the radius makes eight times as
@@ -775,7 +775,7 @@ class SceneProduct(TypedDict, total=False):
     for grains, and for comparisons with other programs. False: bodies have the shapes of `sizes_m` or `mesh`. Source:
     assumed. Default: false."""
     subparticle_density_kg_m3: float | None
-    """Density of a sub-particle. If you give it, it replaces `density_kg_m3`. The paper states both densities, but they
+    """Density of a sub-particle. A value here replaces `density_kg_m3`. The paper states both densities, but they
     contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null. Range: ≥ 10 and ≤ 20000."""
     subparticle_radius_m: float
     """Radius R of a sub-particle. Neighbouring sub-particles have the distance 2R. Half the radius makes eight times as
@@ -869,8 +869,8 @@ class Scene(TypedDict, total=False):
     """Direction of gravity, as a vector. Its length does not matter, because `/numerics/gravity_m_s2` is the
     acceleration. Source: assumed. Default: [0.0, 0.0, -1.0]."""
     margin_m: float
-    """A sub-particle leaves the simulation at more than this distance outside the bounding box of the scene. The
-    bounding box is that at the start. Unit: m. Source: numerics. Default: 0.5. Range: > 0 and ≤ 10."""
+    """Distance from the bounding box of the scene at the start. A sub-particle that is farther outside leaves the
+    simulation. Unit: m. Source: numerics. Default: 0.5. Range: > 0 and ≤ 10."""
     surfaces: Sequence[SceneSurfacesItem]
     """This list has the surfaces. The triangles of a surface move together."""
 

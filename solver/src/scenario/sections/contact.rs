@@ -57,7 +57,8 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
          write a value yourself, Roost uses your value."),
     nullable("/contact/surface_energy_radius_m", "m", above_to(0.0, 0.05), "assumed",
         "Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ R/R₀. A \
-         surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: γ at every radius."),
+         surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: the energy is \
+         γ at every radius."),
     number("/contact/fillet_fillet/static_friction", "", 0.1, FRICTION, "Table 2",
         "Coulomb coefficient of friction between fillets."),
     number("/contact/fillet_fillet/restitution", "", 1e-4, RESTITUTION, "Table 2",

@@ -94,8 +94,8 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
          `whole_spheres`: those whose whole sphere is inside the shape.")
         .by_name(),
     nullable("/product/subparticle_density_kg_m3", "kg/m³", DENSITY, "Table 2 has 2200",
-        "Density of a sub-particle. If you give it, it replaces `density_kg_m3`. The paper states both densities, but they contradict \
-         each other."),
+        "Density of a sub-particle. A value here replaces `density_kg_m3`. The paper states both densities, but they contradict each \
+         other."),
     field("/product/density_kg_m3", FieldKind::Nullable(DENSITY), "kg/m³", Preset::Number(940.0), "Table 2",
         "Density of a fillet: its mass divided by its volume. Null if `subparticle_density_kg_m3` is given.")
         .yields_to("/product/subparticle_density_kg_m3"),

@@ -41,8 +41,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     vector("/scene/gravity_direction", "", Preset::Vector([0.0, 0.0, -1.0]), from_to(-1.0, 1.0), "assumed",
         "Direction of gravity, as a vector. Its length does not matter, because `/numerics/gravity_m_s2` is the acceleration."),
     number("/scene/margin_m", "m", 0.5, above_to(0.0, 10.0), "numerics",
-        "A sub-particle leaves the simulation at more than this distance outside the bounding box of the scene. The bounding box is \
-         that at the start."),
+        "Distance from the bounding box of the scene at the start. A sub-particle that is farther outside leaves the simulation."),
     integer("/scene/bodies/*/shape", 0, from_to(0.0, 63.0), "Fig. 1",
         "Shape of the body: 2 · (number of the size in `/product/sizes_m`, counted from 0), plus 1 for the mirror image."),
     vector("/scene/bodies/*/position_m", "m", Preset::Required, PLACE, "assumed",

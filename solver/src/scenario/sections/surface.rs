@@ -87,7 +87,7 @@ pub(in crate::scenario) const ITEMS: &str = "/scene/surfaces/*";
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     field("/scene/surfaces/*/name", FieldKind::Text, "", Preset::Required, "assumed",
-        "Name of the surface in messages and series. Each surface needs another name."),
+        "Name of the surface in messages and series. Two surfaces must not have the same name."),
     field("/scene/surfaces/*/mesh", FieldKind::Mesh, "", Preset::Null, "assumed",
         "Triangles from an STL file. Give either `mesh` or `plate_m`. If the normals of a closed part point outwards, the part is \
          solid. If a closed box contains the fillets, its normals must point inwards."),
