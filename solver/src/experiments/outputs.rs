@@ -172,7 +172,8 @@ pub(super) const ESCAPED_KG: Response = number(
 pub(super) const PASSED_THROUGH: Response = number(
     "passed_through",
     "",
-    "How often a sub-particle has passed through a surface to its other side, not round an edge. It is 0 in a correct simulation.",
+    "Number of times that a sub-particle passed through a surface to its other side. Passages round an edge do not count. The number \
+     is 0 in a correct simulation.",
 );
 pub(super) const KINETIC_ENERGY: SeriesRow = SeriesRow {
     clock: Clock::Simulated,
