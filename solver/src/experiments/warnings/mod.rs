@@ -115,8 +115,8 @@ pub(super) const NO_REGIME: WarningKind = kind(
 /// A feed that did not bring its mass.
 pub(super) const FEED_SHORT: WarningKind = kind(
     "feed_short",
-    "The fed mass `fed_kg` is below the mass due by more than 1 % and one fillet, because fillets found no free place over the \
-     hopper.",
+    "The fed mass `fed_kg` is too small, because fillets found no free place over the hopper. More than 1 % of the mass that \
+     `feed_kg_s` demands is missing, and more than one fillet.",
     "Reduce /equipment/feed_kg_s or /numerics/output_interval_s, or raise the rate at which the belt carries mass away.",
 );
 
