@@ -65,7 +65,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         rows.push(match demand {
             Some(about) => row
                 .demand(Demand::Near(about, ABOUT * about))
-                .note(format!("about {about} s, taken as ± a quarter")),
+                .note(format!("the paper has about {about} s; the demand allows ± a quarter")),
             None => row,
         });
     }

@@ -107,7 +107,7 @@ impl DropMonitor {
             if energy_j > fillet.most_energy_j {
                 let most = fillet.most_energy_j;
                 diverged.get_or_insert(format!(
-                    "fillet {number} has {energy_j:.2e} J of kinetic energy; {most:.2e} J are twice what it can have come to"
+                    "fillet {number} has {energy_j:.2e} J of kinetic energy; the limit is {most:.2e} J, twice the energy that it can have"
                 ));
             }
             for i in range.filter(|&i| !self.grid.holds(state.position(i) - middle)) {

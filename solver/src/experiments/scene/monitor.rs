@@ -167,7 +167,7 @@ impl ExperimentMonitor for SceneMonitor {
         if energy_j > self.most_energy_j {
             let most = self.most_energy_j;
             return Decision::Diverged(format!(
-                "the bodies have {energy_j:.2e} J of kinetic energy; {most:.2e} J are twice what they can have come to"
+                "the bodies have {energy_j:.2e} J of kinetic energy; the limit is {most:.2e} J, twice the energy that they can have"
             ));
         }
         let stop = &self.numerics.stop;
