@@ -30,7 +30,7 @@ pub(crate) enum Part {
     Slide,
     /// Impact on a plate (Fig. 9 to 12)
     Drop,
-    /// Bulk discharge (Fig. 13 and 14, Table 3) and the proof of the time step
+    /// Bulk discharge (Fig. 13 and 14, Table 3) and the check of the time step
     Hopper,
 }
 

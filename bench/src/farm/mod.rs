@@ -16,7 +16,7 @@ use roost_terminal::{Exit, Table, print_json, print_lines, signals};
 use serde::Serialize;
 use serde_json::json;
 
-/// Measure the targets of the service: throughput, waiting times, load, memory, and the effects of kills
+/// Measure how well the service meets its targets: throughput, waiting times, load, memory, and the effects of kills
 ///
 /// Starts servers on loopback addresses with their data in a temporary folder. Clients run in this process on the same machine,
 /// so throughput is that of server and clients together. CPU and memory are those of the server only.
