@@ -66,7 +66,7 @@ const SLOW_BELT: WarningKind = kind(
 const ESCAPED_MASS: WarningKind = kind(
     "escaped_mass",
     "`escaped_kg` is above 0: mass left the simulated space.",
-    "Look at frames for gaps between surfaces, for tissue that sinks through surfaces, or for fragments. In a scene, bodies may \
+    "In the frames, look for gaps between surfaces, for tissue that sinks through surfaces, and for fragments. In a scene, bodies may \
      leave by intention.",
 );
 const PASSED_THROUGH: WarningKind = kind(
