@@ -126,8 +126,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .paper("none")
             .value((steps.total > 0).then_some(steps.rises as f64), steps.total);
         row.demand(Demand::AtMost(0.0)).note(format!(
-            "of {} steps between neighbours of the grid with all bonds intact; a rise counts only if it exceeds the remaining swings of both \
-             angles. The maximum rise of a mean angle is {}°",
+            "of {} steps between neighbours of the grid with all bonds intact; a rise counts only if it exceeds the \
+             remaining swings of both angles. The maximum rise of a mean angle is {}°",
             steps.total,
             rounded(steps.maximum_rise_deg, 1)
         ))

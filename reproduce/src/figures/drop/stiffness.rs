@@ -162,9 +162,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     ]);
     findings.extend(maximum.filter(|ratio| ratio.mean + ratio.half_width < 5.0).map(|ratio| {
         format!(
-            "In the paper, fillets with balanced stiffnesses (S_t = S_n) take up to five times longer to settle. Roost does not reproduce \
-             this factor: at \
-             equal S_n the maximum ratio of the settle times is {} ± {}.",
+            "In the paper, fillets with balanced stiffnesses (S_t = S_n) take up to five times longer to settle. Roost does not \
+             reproduce this factor: at equal S_n the maximum ratio of the settle times is {} ± {}.",
             rounded(ratio.mean, 2),
             rounded(ratio.half_width, 2)
         )

@@ -85,8 +85,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .paper((PAPERS_LOADED_KG / PAPERS_VOLUME_M3).round())
             .replicates(&seeds("bulk_density_kg_m3"))
             .note(
-                "paper: 38.21 kg in 0.0407 m³. Here: filled mass divided by hopper area times bed height; over 95 % of the floor, the bed \
-                 is not higher than this bed height",
+                "paper: 38.21 kg in 0.0407 m³. Here: filled mass divided by hopper area times bed height; over 95 % of the floor, \
+                 the bed is not higher than this bed height",
             ),
         Row::new(NAME, "simulated time until the filled hopper is at rest", "s")
             .paper(4.0)
