@@ -243,8 +243,9 @@ class Bonds(TypedDict, total=False):
     Default: "corotated"."""
     moment_stiffness_factor: float
     """Factor of the bending and twisting stiffness of a bond. 0: bonds carry no moments, as in the paper. 1: the
-    stiffness S_n I and S_t J of the parallel bond of Potyondy and Cundall 2004. Source: assumed. Default: 0.0. Range: ≥
-    0 and ≤ 10."""
+    stiffnesses S_n I and S_t J, as for the parallel bond of Potyondy and Cundall 2004. I and J are the second moments
+    of area of the bond's cross-section, for bending and twisting. Source: assumed. Default: 0.0. Range: ≥ 0 and ≤ 10.
+    """
     normal_stiffness_n_m3: float
     """Stiffness S_n of a bond along its length, per unit area. Unit: N/m³. Source: Table 2. Default: 1000000.0. Range:
     > 0 and ≤ 1000000000000."""
@@ -818,7 +819,7 @@ class Bend(TypedDict, total=False):
     Default: 0.0. Range: ≥ 0 and ≤ 45."""
     support: Literal["over_bar", "off_ledge", "clamped"]
     """Support of the fillet. `over_bar`: a bar, over which both ends hang. `off_ledge`: a conveyor, which carries the
-    fillet over its end. `clamped`: a clamp at the blunt end. Source: section 2.3.2. Default: "over_bar"."""
+    fillet over the conveyor's end. `clamped`: a clamp at the blunt end. Source: section 2.3.2. Default: "over_bar"."""
 
 
 class Slide(TypedDict, total=False):

@@ -32,7 +32,7 @@ const RESPONSES: &[Response] = &[
     number("time_to_rest_s", "s",
         "Time at which the fillet came to rest. Null if it did not come to rest, or if the support is a conveyor.").headline(),
     number("bend_swing_deg", "°",
-        "Swing of the fillet: half the range of the bend angle in the time over which `bend_angle_deg` is the mean. Null if the \
+        "Swing of the fillet: half the range of the bend angle, over the same time as the mean in `bend_angle_deg`. Null if the \
          fillet fell off or tore."),
     number("largest_bend_angle_deg", "°", "Maximum bend angle while the fillet was whole and on its support. Swings of the fillet \
                                            count."),

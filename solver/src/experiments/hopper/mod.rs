@@ -39,8 +39,8 @@ const RESPONSES: &[Response] = &[
     word("regime",
         "Kind of discharge, from q = `lowest_rate_ratio`. `no_flow`: q below 0.15, and less than 95 % out. `inconsistent` (uneven): \
          other q below 0.55. `constant`: q of 0.55 and more. `outrun`: the belt at its capacity would empty the hopper within 0.5 s, \
-         so q says nothing. `too_short`: less than 4 s were simulated, and the hopper neither emptied nor jammed. Null without a belt \
-         capacity.").headline(),
+         so q has no meaning. `too_short`: less than 4 s were simulated, and the hopper neither emptied nor jammed. Null without a \
+         belt capacity.").headline(),
     number("effective_throughput_kg_s", "kg/s",
         "95 % of the filled mass, divided by the time until this mass was out. Null if less than 95 % came out. The paper gives 7.6 \
          kg/s without a definition, so this definition is an assumption.").headline(),
@@ -56,7 +56,7 @@ const RESPONSES: &[Response] = &[
     number("discharged_kg", "kg", "Mass that has passed the gate plane at the end.").headline(),
     number("discharged_kg_at_4s", "kg",
         "Mass that has passed the gate plane at 4 s. If the hopper emptied or jammed earlier and the simulation ended: the mass at \
-         its end.").headline(),
+         the end of the simulation.").headline(),
     number("time_to_95_percent_s", "s", "Time at which 95 % of the filled mass was out; null if less came out.").headline(),
     number("time_to_99_percent_s", "s", "Time at which 99 % of the filled mass was out. This time depends on the last few fillets, so \
                                          it varies a lot."),
@@ -64,8 +64,8 @@ const RESPONSES: &[Response] = &[
     number("filled_kg", "kg", "Mass in the hopper when the belt starts."),
     number("fill_duration_s", "s", "Simulated time from the drop of the fillets until they are at rest in the hopper."),
     number("bulk_density_kg_m3", "kg/m³",
-        "Filled mass divided by the volume of the bed, which is hopper area times bed height. Over 95 % of the floor, the bed is not \
-         higher than this bed height. Soft fillets overlap, so the bulk density can exceed the density of a fillet."),
+        "Filled mass divided by the volume of the bed, which is hopper area times bed height. On 95 % of the floor area, the bed is \
+         at most as high as the bed height. Soft fillets overlap, so the bulk density can exceed the density of a fillet."),
     number("interpenetrated_fraction", "",
         "Share of the sub-particles that lie inside another fillet when the belt starts. A sub-particle lies inside a fillet if its \
          centre is in a cubic cell of the fillet's lattice."),

@@ -31,8 +31,8 @@ const RESPONSES: &[Response] = &[
     number("critical_angle_deg", "°",
         "Tilt at which the fillet begins to slide and does not stop again. Rolling also counts. Null if the fillet did not slide up \
          to `max_tilt_deg`.").headline(),
-    number("friction_angle_deg", "°", "Angle atan μ, with the coefficient of friction μ of `fillet_equipment`, at which an ideal \
-                                       block slides.").headline(),
+    number("friction_angle_deg", "°", "Angle at which an ideal block slides: atan μ, with the coefficient of friction μ of \
+                                       `fillet_equipment`.").headline(),
     boolean("slid", "Whether the fillet slid. If true, `critical_angle_deg` is not null."),
     boolean("rolled_over", "Whether the fillet rolled over: at some time its upper side faced the plate."),
     BONDS_INTACT_FRACTION,

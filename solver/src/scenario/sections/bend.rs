@@ -39,7 +39,7 @@ pub enum Support {
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     choice("/bend/support", &["over_bar", "off_ledge", "clamped"], "section 2.3.2",
         "Support of the fillet. `over_bar`: a bar, over which both ends hang. `off_ledge`: a conveyor, which carries the fillet over \
-         its end. `clamped`: a clamp at the blunt end."),
+         the conveyor's end. `clamped`: a clamp at the blunt end."),
     number("/bend/bar_radius_m", "m", 0.02, from_to(0.002, 1.0), "assumed",
         "Radius of the bar, or of the roller at the conveyor's end."),
     number("/bend/belt_speed_m_s", "m/s", 0.25, from_to(0.0, 10.0), "section 2.4",

@@ -69,8 +69,9 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/bonds/disk_scale", "", 1.0, above_to(0.0, 2.0), "assumed",
         "Radius R_b of the cross-section of a bond, divided by the radius R of a sub-particle."),
     number("/bonds/moment_stiffness_factor", "", 0.0, from_to(0.0, 10.0), "assumed",
-        "Factor of the bending and twisting stiffness of a bond. 0: bonds carry no moments, as in the paper. 1: the stiffness S_n I \
-         and S_t J of the parallel bond of Potyondy and Cundall 2004."),
+        "Factor of the bending and twisting stiffness of a bond. 0: bonds carry no moments, as in the paper. 1: the stiffnesses S_n \
+         I and S_t J, as for the parallel bond of Potyondy and Cundall 2004. I and J are the second moments of area of the bond's \
+         cross-section, for bending and twisting."),
     flag("/bonds/contact_between_bonded", true, "assumed",
         "Whether two neighbours with a bond also have a contact force, as in the commercial software that the paper used."),
     nullable("/bonds/normal_strength_pa", "Pa", STRENGTH, "Table 2 has 1e300",
