@@ -133,7 +133,7 @@ class SceneSurfacesItem(TypedDict, total=False):
 
 
 class ContactFilletBelt(TypedDict, total=False):
-    """These values apply to contacts of sub-particles with the belt."""
+    """These values apply to contacts of sub-particles with a belt. Not every experiment has a belt."""
 
     restitution: float
     """Coefficient of restitution on the belt. Default: that of /contact/fillet_fillet/restitution. Source: assumed.
@@ -148,16 +148,16 @@ class ContactFilletBelt(TypedDict, total=False):
 
 
 class ContactFilletEquipment(TypedDict, total=False):
-    """These values apply to contacts of sub-particles with walls, gate and plates."""
+    """These values apply to contacts of sub-particles with walls, gates and plates."""
 
     restitution: float
-    """Coefficient of restitution on walls, gate and back plate. Default: that of /contact/fillet_fillet/restitution.
+    """Coefficient of restitution on walls, gates and plates. Default: that of /contact/fillet_fillet/restitution.
     Source: Table 2. Range: > 0 and ≤ 1."""
     static_friction: float
-    """Coulomb coefficient of friction on walls, gate and back plate. Wet fillets have the same value (Fig. 8b). Source:
+    """Coulomb coefficient of friction on walls, gates and plates. Wet fillets have the same value (Fig. 8b). Source:
     Table 2. Default: 0.5. Range: ≥ 0 and ≤ 5."""
     surface_energy_j_m2: float
-    """Surface energy γ on walls, gate and back plate. Unit: J/m². Default: that of
+    """Surface energy γ on walls, gates and plates. Unit: J/m². Default: that of
     /contact/fillet_fillet/surface_energy_j_m2. Source: Table 2. Range: ≥ 0 and ≤ 10."""
 
 
@@ -226,7 +226,7 @@ class SceneNumericsStop(TypedDict, total=False):
 
 
 class Bonds(TypedDict, total=False):
-    """This section describes the bonds between the sub-particles of a fillet."""
+    """This section describes the bonds between the sub-particles of a body."""
 
     contact_between_bonded: bool
     """Whether two neighbours with a bond also have a contact force, as in the commercial software that the paper used.
@@ -268,15 +268,15 @@ class Bonds(TypedDict, total=False):
 
 
 class HopperContact(TypedDict, total=False):
-    """This section describes the contacts of fillets with each other and with the equipment."""
+    """This section describes the contacts of sub-particles with each other and with the equipment."""
 
     condition: Literal["dry", "wet"]
     """Surface of the fillets. `wet` changes two defaults: the surface energy between fillets and the friction on the
     belt. If you write a value yourself, Roost uses your value. Source: section 2.4. Default: "dry"."""
     fillet_belt: ContactFilletBelt
-    """These values apply to contacts of sub-particles with the belt."""
+    """These values apply to contacts of sub-particles with a belt. Not every experiment has a belt."""
     fillet_equipment: ContactFilletEquipment
-    """These values apply to contacts of sub-particles with walls, gate and plates."""
+    """These values apply to contacts of sub-particles with walls, gates and plates."""
     fillet_fillet: ContactFilletFillet
     """These values apply to contacts between sub-particles."""
     fillet_fillet_radius_ratio: float
@@ -290,15 +290,15 @@ class HopperContact(TypedDict, total=False):
 
 
 class DropContact(TypedDict, total=False):
-    """This section describes the contacts of fillets with each other and with the equipment."""
+    """This section describes the contacts of sub-particles with each other and with the equipment."""
 
     condition: Literal["dry", "wet"]
     """Surface of the fillets. `wet` changes two defaults: the surface energy between fillets and the friction on the
     belt. If you write a value yourself, Roost uses your value. Source: section 2.4. Default: "dry"."""
     fillet_belt: ContactFilletBelt
-    """These values apply to contacts of sub-particles with the belt."""
+    """These values apply to contacts of sub-particles with a belt. Not every experiment has a belt."""
     fillet_equipment: ContactFilletEquipment
-    """These values apply to contacts of sub-particles with walls, gate and plates."""
+    """These values apply to contacts of sub-particles with walls, gates and plates."""
     fillet_fillet: ContactFilletFillet
     """These values apply to contacts between sub-particles."""
     surface_energy_radius_m: float | None
@@ -308,15 +308,15 @@ class DropContact(TypedDict, total=False):
 
 
 class BendContact(TypedDict, total=False):
-    """This section describes the contacts of fillets with each other and with the equipment."""
+    """This section describes the contacts of sub-particles with each other and with the equipment."""
 
     condition: Literal["dry", "wet"]
     """Surface of the fillets. `wet` changes two defaults: the surface energy between fillets and the friction on the
     belt. If you write a value yourself, Roost uses your value. Source: section 2.4. Default: "dry"."""
     fillet_belt: ContactFilletBelt
-    """These values apply to contacts of sub-particles with the belt."""
+    """These values apply to contacts of sub-particles with a belt. Not every experiment has a belt."""
     fillet_equipment: ContactFilletEquipment
-    """These values apply to contacts of sub-particles with walls, gate and plates."""
+    """These values apply to contacts of sub-particles with walls, gates and plates."""
     fillet_fillet: ContactFilletFillet
     """These values apply to contacts between sub-particles."""
     surface_energy_radius_m: float | None
@@ -326,15 +326,15 @@ class BendContact(TypedDict, total=False):
 
 
 class SlideContact(TypedDict, total=False):
-    """This section describes the contacts of fillets with each other and with the equipment."""
+    """This section describes the contacts of sub-particles with each other and with the equipment."""
 
     condition: Literal["dry", "wet"]
     """Surface of the fillets. `wet` changes two defaults: the surface energy between fillets and the friction on the
     belt. If you write a value yourself, Roost uses your value. Source: section 2.4. Default: "dry"."""
     fillet_belt: ContactFilletBelt
-    """These values apply to contacts of sub-particles with the belt."""
+    """These values apply to contacts of sub-particles with a belt. Not every experiment has a belt."""
     fillet_equipment: ContactFilletEquipment
-    """These values apply to contacts of sub-particles with walls, gate and plates."""
+    """These values apply to contacts of sub-particles with walls, gates and plates."""
     fillet_fillet: ContactFilletFillet
     """These values apply to contacts between sub-particles."""
     surface_energy_radius_m: float | None
@@ -344,15 +344,15 @@ class SlideContact(TypedDict, total=False):
 
 
 class CompressContact(TypedDict, total=False):
-    """This section describes the contacts of fillets with each other and with the equipment."""
+    """This section describes the contacts of sub-particles with each other and with the equipment."""
 
     condition: Literal["dry", "wet"]
     """Surface of the fillets. `wet` changes two defaults: the surface energy between fillets and the friction on the
     belt. If you write a value yourself, Roost uses your value. Source: section 2.4. Default: "dry"."""
     fillet_belt: ContactFilletBelt
-    """These values apply to contacts of sub-particles with the belt."""
+    """These values apply to contacts of sub-particles with a belt. Not every experiment has a belt."""
     fillet_equipment: ContactFilletEquipment
-    """These values apply to contacts of sub-particles with walls, gate and plates."""
+    """These values apply to contacts of sub-particles with walls, gates and plates."""
     fillet_fillet: ContactFilletFillet
     """These values apply to contacts between sub-particles."""
     surface_energy_radius_m: float | None
@@ -362,15 +362,15 @@ class CompressContact(TypedDict, total=False):
 
 
 class SceneContact(TypedDict, total=False):
-    """This section describes the contacts of fillets with each other and with the equipment."""
+    """This section describes the contacts of sub-particles with each other and with the equipment."""
 
     condition: Literal["dry", "wet"]
     """Surface of the fillets. `wet` changes two defaults: the surface energy between fillets and the friction on the
     belt. If you write a value yourself, Roost uses your value. Source: section 2.4. Default: "dry"."""
     fillet_belt: ContactFilletBelt
-    """These values apply to contacts of sub-particles with the belt."""
+    """These values apply to contacts of sub-particles with a belt. Not every experiment has a belt."""
     fillet_equipment: ContactFilletEquipment
-    """These values apply to contacts of sub-particles with walls, gate and plates."""
+    """These values apply to contacts of sub-particles with walls, gates and plates."""
     fillet_fillet: ContactFilletFillet
     """These values apply to contacts between sub-particles."""
     fillet_fillet_radius_ratio: float
@@ -609,14 +609,14 @@ class SceneNumerics(TypedDict, total=False):
 
 
 class HopperProduct(TypedDict, total=False):
-    """This section describes the fillets: number, size, shape and sub-particles."""
+    """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
 
     count: int
     """Number of fillets. If `shape` is null, the sizes and their mirror images take turns: fillet i has the shape i mod
     (2 · number of sizes). The paper's drop test has 15 fillets of each of six shapes (section 2.3.3). Source: section
     2.4. Default: 191. Range: ≥ 1 and ≤ 100000."""
     density_kg_m3: float | None
-    """Density of a fillet: its mass divided by its volume. Null if `subparticle_density_kg_m3` is given. Unit: kg/m³.
+    """Density of a body: its mass divided by its volume. Null if `subparticle_density_kg_m3` is given. Unit: kg/m³.
     Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
     fill: Literal["centres", "whole_spheres"]
     """Rule that decides which lattice points become sub-particles. `centres`: those whose centre is inside the shape.
@@ -625,7 +625,7 @@ class HopperProduct(TypedDict, total=False):
     """A closed mesh (STL file) as the shape of all fillets. It replaces the teardrop shapes of `sizes_m`. Source:
     section 2.2. Default: null."""
     scale: float
-    """Factor by which the lengths of fillets and sub-particles are multiplied. Source: Fig. 12. Default: 1.0. Range: ≥
+    """Factor by which the lengths of bodies and sub-particles are multiplied. Source: Fig. 12. Default: 1.0. Range: ≥
     0.05 and ≤ 20."""
     shape: int | None
     """Shape of all fillets: 2 · (number of the size in `sizes_m`, counted from 0), plus 1 for the mirror image. Null:
@@ -646,14 +646,14 @@ class HopperProduct(TypedDict, total=False):
 
 
 class DropProduct(TypedDict, total=False):
-    """This section describes the fillets: number, size, shape and sub-particles."""
+    """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
 
     count: int
     """Number of fillets. If `shape` is null, the sizes and their mirror images take turns: fillet i has the shape i mod
     (2 · number of sizes). The paper's drop test has 15 fillets of each of six shapes (section 2.3.3). Source: section
     2.4. Default: 90. Range: ≥ 1 and ≤ 100000."""
     density_kg_m3: float | None
-    """Density of a fillet: its mass divided by its volume. Null if `subparticle_density_kg_m3` is given. Unit: kg/m³.
+    """Density of a body: its mass divided by its volume. Null if `subparticle_density_kg_m3` is given. Unit: kg/m³.
     Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
     fill: Literal["centres", "whole_spheres"]
     """Rule that decides which lattice points become sub-particles. `centres`: those whose centre is inside the shape.
@@ -662,7 +662,7 @@ class DropProduct(TypedDict, total=False):
     """A closed mesh (STL file) as the shape of all fillets. It replaces the teardrop shapes of `sizes_m`. Source:
     section 2.2. Default: null."""
     scale: float
-    """Factor by which the lengths of fillets and sub-particles are multiplied. Source: Fig. 12. Default: 1.0. Range: ≥
+    """Factor by which the lengths of bodies and sub-particles are multiplied. Source: Fig. 12. Default: 1.0. Range: ≥
     0.05 and ≤ 20."""
     shape: int | None
     """Shape of all fillets: 2 · (number of the size in `sizes_m`, counted from 0), plus 1 for the mirror image. Null:
@@ -679,10 +679,10 @@ class DropProduct(TypedDict, total=False):
 
 
 class BendProduct(TypedDict, total=False):
-    """This section describes the fillets: number, size, shape and sub-particles."""
+    """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
 
     density_kg_m3: float | None
-    """Density of a fillet: its mass divided by its volume. Null if `subparticle_density_kg_m3` is given. Unit: kg/m³.
+    """Density of a body: its mass divided by its volume. Null if `subparticle_density_kg_m3` is given. Unit: kg/m³.
     Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
     fill: Literal["centres", "whole_spheres"]
     """Rule that decides which lattice points become sub-particles. `centres`: those whose centre is inside the shape.
@@ -691,7 +691,7 @@ class BendProduct(TypedDict, total=False):
     """A closed mesh (STL file) as the shape of all fillets. It replaces the teardrop shapes of `sizes_m`. Source:
     section 2.2. Default: null."""
     scale: float
-    """Factor by which the lengths of fillets and sub-particles are multiplied. Source: Fig. 12. Default: 1.0. Range: ≥
+    """Factor by which the lengths of bodies and sub-particles are multiplied. Source: Fig. 12. Default: 1.0. Range: ≥
     0.05 and ≤ 20."""
     shape: int | None
     """Shape of all fillets: 2 · (number of the size in `sizes_m`, counted from 0), plus 1 for the mirror image. Null:
@@ -708,10 +708,10 @@ class BendProduct(TypedDict, total=False):
 
 
 class SlideProduct(TypedDict, total=False):
-    """This section describes the fillets: number, size, shape and sub-particles."""
+    """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
 
     density_kg_m3: float | None
-    """Density of a fillet: its mass divided by its volume. Null if `subparticle_density_kg_m3` is given. Unit: kg/m³.
+    """Density of a body: its mass divided by its volume. Null if `subparticle_density_kg_m3` is given. Unit: kg/m³.
     Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
     fill: Literal["centres", "whole_spheres"]
     """Rule that decides which lattice points become sub-particles. `centres`: those whose centre is inside the shape.
@@ -720,7 +720,7 @@ class SlideProduct(TypedDict, total=False):
     """A closed mesh (STL file) as the shape of all fillets. It replaces the teardrop shapes of `sizes_m`. Source:
     section 2.2. Default: null."""
     scale: float
-    """Factor by which the lengths of fillets and sub-particles are multiplied. Source: Fig. 12. Default: 1.0. Range: ≥
+    """Factor by which the lengths of bodies and sub-particles are multiplied. Source: Fig. 12. Default: 1.0. Range: ≥
     0.05 and ≤ 20."""
     shape: int | None
     """Shape of all fillets: 2 · (number of the size in `sizes_m`, counted from 0), plus 1 for the mirror image. Null:
@@ -737,13 +737,13 @@ class SlideProduct(TypedDict, total=False):
 
 
 class CompressProduct(TypedDict, total=False):
-    """This section describes the fillets: number, size, shape and sub-particles."""
+    """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
 
     density_kg_m3: float | None
-    """Density of a fillet: its mass divided by its volume. Null if `subparticle_density_kg_m3` is given. Unit: kg/m³.
+    """Density of a body: its mass divided by its volume. Null if `subparticle_density_kg_m3` is given. Unit: kg/m³.
     Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
     scale: float
-    """Factor by which the lengths of fillets and sub-particles are multiplied. Source: Fig. 12. Default: 1.0. Range: ≥
+    """Factor by which the lengths of bodies and sub-particles are multiplied. Source: Fig. 12. Default: 1.0. Range: ≥
     0.05 and ≤ 20."""
     subparticle_density_kg_m3: float | None
     """Density of a sub-particle. A value here replaces `density_kg_m3`. The paper states both densities, but they
@@ -754,10 +754,10 @@ class CompressProduct(TypedDict, total=False):
 
 
 class SceneProduct(TypedDict, total=False):
-    """This section describes the fillets: number, size, shape and sub-particles."""
+    """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
 
     density_kg_m3: float | None
-    """Density of a fillet: its mass divided by its volume. Null if `subparticle_density_kg_m3` is given. Unit: kg/m³.
+    """Density of a body: its mass divided by its volume. Null if `subparticle_density_kg_m3` is given. Unit: kg/m³.
     Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
     fill: Literal["centres", "whole_spheres"]
     """Rule that decides which lattice points become sub-particles. `centres`: those whose centre is inside the shape.
@@ -766,7 +766,7 @@ class SceneProduct(TypedDict, total=False):
     """A closed mesh (STL file) as the shape of all fillets. It replaces the teardrop shapes of `sizes_m`. Source:
     section 2.2. Default: null."""
     scale: float
-    """Factor by which the lengths of fillets and sub-particles are multiplied. Source: Fig. 12. Default: 1.0. Range: ≥
+    """Factor by which the lengths of bodies and sub-particles are multiplied. Source: Fig. 12. Default: 1.0. Range: ≥
     0.05 and ≤ 20."""
     sizes_m: Sequence[Sequence[float]]
     """Length, width and thickness of each size. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04], [0.172,
@@ -880,9 +880,9 @@ class HopperScenario(TypedDict, total=False):
     """The complete input of one simulation, in SI units; t = 0 is belt start."""
 
     bonds: Bonds
-    """This section describes the bonds between the sub-particles of a fillet."""
+    """This section describes the bonds between the sub-particles of a body."""
     contact: HopperContact
-    """This section describes the contacts of fillets with each other and with the equipment."""
+    """This section describes the contacts of sub-particles with each other and with the equipment."""
     equipment: HopperEquipment
     """This section describes hopper, gate and belt. The dimensions of Fig. 5 are derived from other numbers of the
     paper."""
@@ -894,7 +894,7 @@ class HopperScenario(TypedDict, total=False):
     numerics: HopperNumerics
     """This section sets time step, duration, sampling and stopping."""
     product: HopperProduct
-    """This section describes the fillets: number, size, shape and sub-particles."""
+    """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
     schema: Literal["roost.scenario/2"]
     """Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds
     have no `reference_radius_m`. Source: format. Default: "roost.scenario/2"."""
@@ -907,9 +907,9 @@ class DropScenario(TypedDict, total=False):
     """The complete input of one simulation, in SI units; t = 0 is belt start."""
 
     bonds: Bonds
-    """This section describes the bonds between the sub-particles of a fillet."""
+    """This section describes the bonds between the sub-particles of a body."""
     contact: DropContact
-    """This section describes the contacts of fillets with each other and with the equipment."""
+    """This section describes the contacts of sub-particles with each other and with the equipment."""
     drop: Drop
     """Fillets hit plates. Each fillet has a plate of its own."""
     experiment: Required[Literal["drop"]]
@@ -920,7 +920,7 @@ class DropScenario(TypedDict, total=False):
     numerics: DropNumerics
     """This section sets time step, duration, sampling and stopping."""
     product: DropProduct
-    """This section describes the fillets: number, size, shape and sub-particles."""
+    """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
     schema: Literal["roost.scenario/2"]
     """Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds
     have no `reference_radius_m`. Source: format. Default: "roost.scenario/2"."""
@@ -935,9 +935,9 @@ class BendScenario(TypedDict, total=False):
     bend: Bend
     """A fillet bends under its own weight."""
     bonds: Bonds
-    """This section describes the bonds between the sub-particles of a fillet."""
+    """This section describes the bonds between the sub-particles of a body."""
     contact: BendContact
-    """This section describes the contacts of fillets with each other and with the equipment."""
+    """This section describes the contacts of sub-particles with each other and with the equipment."""
     experiment: Required[Literal["bend"]]
     """Kind of simulation. `hopper`: the discharge of a hopper (section 2.4). `drop`, `bend`, `slide`, `compress`: the
     paper's small tests (section 2.3). `scene`: bodies and surfaces that you place. Source: section 2."""
@@ -946,7 +946,7 @@ class BendScenario(TypedDict, total=False):
     numerics: BendNumerics
     """This section sets time step, duration, sampling and stopping."""
     product: BendProduct
-    """This section describes the fillets: number, size, shape and sub-particles."""
+    """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
     schema: Literal["roost.scenario/2"]
     """Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds
     have no `reference_radius_m`. Source: format. Default: "roost.scenario/2"."""
@@ -959,9 +959,9 @@ class SlideScenario(TypedDict, total=False):
     """The complete input of one simulation, in SI units; t = 0 is belt start."""
 
     bonds: Bonds
-    """This section describes the bonds between the sub-particles of a fillet."""
+    """This section describes the bonds between the sub-particles of a body."""
     contact: SlideContact
-    """This section describes the contacts of fillets with each other and with the equipment."""
+    """This section describes the contacts of sub-particles with each other and with the equipment."""
     experiment: Required[Literal["slide"]]
     """Kind of simulation. `hopper`: the discharge of a hopper (section 2.4). `drop`, `bend`, `slide`, `compress`: the
     paper's small tests (section 2.3). `scene`: bodies and surfaces that you place. Source: section 2."""
@@ -970,7 +970,7 @@ class SlideScenario(TypedDict, total=False):
     numerics: SlideNumerics
     """This section sets time step, duration, sampling and stopping."""
     product: SlideProduct
-    """This section describes the fillets: number, size, shape and sub-particles."""
+    """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
     schema: Literal["roost.scenario/2"]
     """Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds
     have no `reference_radius_m`. Source: format. Default: "roost.scenario/2"."""
@@ -985,11 +985,11 @@ class CompressScenario(TypedDict, total=False):
     """The complete input of one simulation, in SI units; t = 0 is belt start."""
 
     bonds: Bonds
-    """This section describes the bonds between the sub-particles of a fillet."""
+    """This section describes the bonds between the sub-particles of a body."""
     compress: Compress
     """Two plates compress a block of tissue."""
     contact: CompressContact
-    """This section describes the contacts of fillets with each other and with the equipment."""
+    """This section describes the contacts of sub-particles with each other and with the equipment."""
     experiment: Required[Literal["compress"]]
     """Kind of simulation. `hopper`: the discharge of a hopper (section 2.4). `drop`, `bend`, `slide`, `compress`: the
     paper's small tests (section 2.3). `scene`: bodies and surfaces that you place. Source: section 2."""
@@ -998,7 +998,7 @@ class CompressScenario(TypedDict, total=False):
     numerics: CompressNumerics
     """This section sets time step, duration, sampling and stopping."""
     product: CompressProduct
-    """This section describes the fillets: number, size, shape and sub-particles."""
+    """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
     schema: Literal["roost.scenario/2"]
     """Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds
     have no `reference_radius_m`. Source: format. Default: "roost.scenario/2"."""
@@ -1011,9 +1011,9 @@ class SceneScenario(TypedDict, total=False):
     """The complete input of one simulation, in SI units; t = 0 is belt start."""
 
     bonds: Bonds
-    """This section describes the bonds between the sub-particles of a fillet."""
+    """This section describes the bonds between the sub-particles of a body."""
     contact: SceneContact
-    """This section describes the contacts of fillets with each other and with the equipment."""
+    """This section describes the contacts of sub-particles with each other and with the equipment."""
     experiment: Required[Literal["scene"]]
     """Kind of simulation. `hopper`: the discharge of a hopper (section 2.4). `drop`, `bend`, `slide`, `compress`: the
     paper's small tests (section 2.3). `scene`: bodies and surfaces that you place. Source: section 2."""
@@ -1022,7 +1022,7 @@ class SceneScenario(TypedDict, total=False):
     numerics: SceneNumerics
     """This section sets time step, duration, sampling and stopping."""
     product: SceneProduct
-    """This section describes the fillets: number, size, shape and sub-particles."""
+    """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
     scene: Scene
     """This section places bodies and surfaces."""
     schema: Literal["roost.scenario/2"]

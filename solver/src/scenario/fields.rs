@@ -16,13 +16,13 @@ const SECTION_PARTS: &[&[Section]] = &[PHYSICS, OWN_SECTIONS, NUMERICS];
 
 #[rustfmt::skip]
 const PHYSICS: &[Section] = &[
-    section("/product", None, "This section describes the fillets: number, size, shape and sub-particles."),
+    section("/product", None, "This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."),
     section("/material", None, "This section has the elastic constants of the tissue."),
-    section("/bonds", None, "This section describes the bonds between the sub-particles of a fillet."),
-    section("/contact", None, "This section describes the contacts of fillets with each other and with the equipment."),
+    section("/bonds", None, "This section describes the bonds between the sub-particles of a body."),
+    section("/contact", None, "This section describes the contacts of sub-particles with each other and with the equipment."),
     section("/contact/fillet_fillet", None, "These values apply to contacts between sub-particles."),
-    section("/contact/fillet_equipment", None, "These values apply to contacts of sub-particles with walls, gate and plates."),
-    section("/contact/fillet_belt", None, "These values apply to contacts of sub-particles with the belt."),
+    section("/contact/fillet_equipment", None, "These values apply to contacts of sub-particles with walls, gates and plates."),
+    section("/contact/fillet_belt", None, "These values apply to contacts of sub-particles with a belt. Not every experiment has a belt."),
 ];
 
 const NUMERICS: &[Section] = &[

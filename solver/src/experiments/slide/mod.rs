@@ -29,8 +29,8 @@ const MARGIN_M: f64 = 0.1;
 #[rustfmt::skip]
 const RESPONSES: &[Response] = &[
     number("critical_angle_deg", "°",
-        "Tilt at which the fillet begins to slide and does not stop again. Rolling also counts. Null if the fillet did not slide up \
-         to `max_tilt_deg`.").headline(),
+        "Tilt at which the fillet begins to slide and does not stop again. Rolling also counts as sliding. Null if the fillet did \
+         not slide up to `max_tilt_deg`.").headline(),
     number("friction_angle_deg", "°", "Angle at which an ideal block slides: atan μ, with the coefficient of friction μ of \
                                        `fillet_equipment`.").headline(),
     boolean("slid", "Whether the fillet slid. If true, `critical_angle_deg` is not null."),

@@ -17,7 +17,7 @@ pub struct Contact {
     pub fillet_fillet: PairContact,
     /// Radius of a sub-particle towards other fillets, over R.
     pub fillet_fillet_radius_ratio: f64,
-    /// Between sub-particles and walls, gate and back plate.
+    /// Between sub-particles and walls, gates and plates.
     pub fillet_equipment: PairContact,
     /// Between sub-particles and the belt.
     pub fillet_belt: PairContact,
@@ -71,13 +71,13 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
          one fillet can slip between the sub-particles of another fillet. At 1.225 it cannot.")
         .by_name(),
     number("/contact/fillet_equipment/static_friction", "", 0.5, FRICTION, "Table 2",
-        "Coulomb coefficient of friction on walls, gate and back plate. Wet fillets have the same value (Fig. 8b)."),
+        "Coulomb coefficient of friction on walls, gates and plates. Wet fillets have the same value (Fig. 8b)."),
     same_as("/contact/fillet_fillet/restitution",
         "/contact/fillet_equipment/restitution", "", RESTITUTION, "Table 2",
-        "Coefficient of restitution on walls, gate and back plate."),
+        "Coefficient of restitution on walls, gates and plates."),
     same_as("/contact/fillet_fillet/surface_energy_j_m2",
         "/contact/fillet_equipment/surface_energy_j_m2", "J/m²", SURFACE_ENERGY, "Table 2",
-        "Surface energy γ on walls, gate and back plate."),
+        "Surface energy γ on walls, gates and plates."),
     number("/contact/fillet_belt/static_friction", "", 0.5, FRICTION, "assumed",
         "Coulomb coefficient of friction on the belt, which the paper did not measure. Dry: the value for a steel plate. Wet: a value \
          so low that the belt slips under the fillets, as section 3.4 reports.")

@@ -85,7 +85,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
          grains, and for comparisons with other programs. False: bodies have the shapes of `sizes_m` or `mesh`.")
         .by_name(),
     number("/product/scale", "", 1.0, from_to(0.05, 20.0), "Fig. 12",
-        "Factor by which the lengths of fillets and sub-particles are multiplied."),
+        "Factor by which the lengths of bodies and sub-particles are multiplied."),
     number("/product/subparticle_radius_m", "m", 0.004, from_to(5e-4, 0.05), "section 2.2",
         "Radius R of a sub-particle. Neighbouring sub-particles have the distance 2R. Half the radius makes eight times as many \
          sub-particles."),
@@ -97,6 +97,6 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "Density of a sub-particle. A value here replaces `density_kg_m3`. The paper states both densities, but they contradict each \
          other."),
     field("/product/density_kg_m3", FieldKind::Nullable(DENSITY), "kg/m³", Preset::Number(940.0), "Table 2",
-        "Density of a fillet: its mass divided by its volume. Null if `subparticle_density_kg_m3` is given.")
+        "Density of a body: its mass divided by its volume. Null if `subparticle_density_kg_m3` is given.")
         .yields_to("/product/subparticle_density_kg_m3"),
 ];
