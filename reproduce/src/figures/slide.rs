@@ -126,8 +126,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .note(range_text(&trussed)),
     );
     let mut findings = vec![
-        "Fig. 8b is an experiment with water on real fillets. Roost does not simulate this experiment, because in the model water \
-         only changes the parameters."
+        "Fig. 8b is an experiment with water on real fillets. In the model, water only changes the parameters. Therefore Roost does \
+         not simulate this experiment."
             .to_owned(),
     ];
     findings.extend(early_sliding(&papers(TABLE_2), &trussed));
