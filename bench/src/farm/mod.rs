@@ -22,7 +22,7 @@ use serde_json::json;
 /// so throughput is that of server and clients together. CPU and memory are those of the server only.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// Measure only rows whose names start with this; may be given several times
+    /// Measure only rows whose names start with NAME; may be given several times
     #[arg(long, value_delimiter = ',', value_name = "NAME")]
     only: Vec<String>,
     /// Number of queued jobs for the rows about many jobs
