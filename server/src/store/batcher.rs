@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use sqlx::SqliteConnection;
-use tokio::sync::{mpsc, oneshot};
+use tokio::sync::{Semaphore, mpsc, oneshot};
 use tokio::time::Instant;
 
 use super::StoreError;
@@ -23,11 +23,14 @@ type Pending<A, B> = (Arc<A>, oneshot::Sender<Result<B, StoreError>>);
 /// Maximum time that a batch waits to become as large as the one before. A single client never waits.
 const MAX_LINGER: Duration = Duration::from_millis(if cfg!(test) { 0 } else { 2 });
 
+/// Batches that are executed or flushed at the same time.
+const BATCHES_AT_ONCE: usize = 2;
+
 /// Collects requests into batches. Its task ends with it.
 pub(super) struct Batcher<A, B>(mpsc::Sender<Pending<A, B>>);
 
 impl<A: Send + Sync + 'static, B: Send + 'static> Batcher<A, B> {
-    /// Executes batches of up to `max_size` requests, one at a time and at most one per `interval`.
+    /// Executes batches of up to `max_size` requests, at most one per `interval`. A batch starts while the one before it is flushed.
     pub(super) fn start(
         writer: Arc<Writer>,
         max_size: usize,
@@ -36,6 +39,7 @@ impl<A: Send + Sync + 'static, B: Send + 'static> Batcher<A, B> {
     ) -> Self {
         let (sender, mut pending) = mpsc::channel(4096);
         tokio::spawn(async move {
+            let turns = Arc::new(Semaphore::new(BATCHES_AT_ONCE));
             let (mut batch, mut last_size) = (Vec::new(), 0);
             let mut earliest = Instant::now();
             while pending.recv_many(&mut batch, max_size).await > 0 {
@@ -59,7 +63,12 @@ impl<A: Send + Sync + 'static, B: Send + 'static> Batcher<A, B> {
                 }
                 earliest = Instant::now() + interval;
                 last_size = batch.len();
-                run(&writer, execute, std::mem::take(&mut batch)).await;
+                let Ok(turn) = turns.clone().acquire_owned().await else { break };
+                let (writer, batch) = (writer.clone(), std::mem::take(&mut batch));
+                tokio::spawn(async move {
+                    run(&writer, execute, batch).await;
+                    drop(turn);
+                });
             }
         });
         Self(sender)

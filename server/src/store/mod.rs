@@ -17,6 +17,7 @@ mod events;
 mod expiry;
 mod extension;
 mod fills;
+mod flusher;
 mod frames;
 mod heartbeats;
 mod job_checkpoints;
@@ -247,7 +248,8 @@ impl Store {
             .connect_with(options.clone().create_if_missing(false).read_only(true))
             .await?;
         let copier = options.create_if_missing(false).connect().await?;
-        let writer = Arc::new(Writer::start(connection));
+        let log = path.with_file_name(format!("{}-wal", path.file_name().unwrap_or_default().display()));
+        let writer = Arc::new(Writer::start(connection, &log)?);
         let copying = checkpoint::run(copier, writer.counter(), writer.end());
         let checkpoints = Mutex::new(Some(tokio::spawn(copying)));
         let beats = heartbeats::batcher(writer.clone());
@@ -297,7 +299,8 @@ fn options(path: &Path) -> SqliteConnectOptions {
         .filename(path)
         .create_if_missing(true)
         .journal_mode(SqliteJournalMode::Wal)
-        .synchronous(SqliteSynchronous::Full)
+        // The flusher flushes the log, after the commit.
+        .synchronous(SqliteSynchronous::Normal)
         .foreign_keys(true)
         // Savepoints copy pages to memory, not to a file.
         .pragma("temp_store", "memory")

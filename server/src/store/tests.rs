@@ -61,7 +61,8 @@ async fn connections_have_safe_settings() {
         })
         .await
         .unwrap();
-    assert_eq!(settings, ("wal".to_owned(), 2, 1));
+    // 1 is `NORMAL`: the flusher flushes.
+    assert_eq!(settings, ("wal".to_owned(), 1, 1));
     let written = sqlx::query("DELETE FROM jobs").execute(&store.readers).await;
     assert!(written.unwrap_err().to_string().contains("readonly"), "readers only read");
     store.close().await;

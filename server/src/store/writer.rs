@@ -1,13 +1,16 @@
 //! The writer: a task that owns the only writing connection and commits in groups.
 //!
-//! SQLite has one writer at a time, and a commit costs a flush to disk. Writes that queue up during a commit form the next group:
-//! `BEGIN IMMEDIATE`, a savepoint per write, `COMMIT`, then the answers. A failed write is rolled back alone. A transaction awaits only
-//! SQL on this connection and the encoding of the next jobs of an extension. A closed connection of the client does not interrupt it.
+//! SQLite has one writer at a time, and a commit costs a flush to disk. Writes that queue up during a transaction form the next group:
+//! `BEGIN IMMEDIATE`, a savepoint per write, `COMMIT`, a flush by the [`Flusher`], then the answers. A failed write is rolled back alone.
+//! A transaction awaits only SQL on this connection and the encoding of the next jobs of an extension. A closed connection of the client
+//! does not interrupt it.
 //!
 //! A slice of a large sweep, or a large extension, has its own transaction without a savepoint: for a savepoint, SQLite copies every page
 //! before its first change, and each job changes a page.
 
 use std::future::Future;
+use std::io;
+use std::path::Path;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -20,6 +23,7 @@ use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
 use super::StoreError;
+use super::flusher::{Answer, Flusher};
 
 /// Jobs that one transaction of a large sweep changes. A claim or heartbeat waits for two such transactions at most: one that runs, and one
 /// beside the batch that the request missed.
@@ -101,7 +105,16 @@ enum Message {
 }
 
 impl Writer {
-    pub(super) fn start(connection: SqliteConnection) -> Self {
+    /// Starts the task. It flushes the write-ahead log at `log` after each commit.
+    pub(super) fn start(connection: SqliteConnection, log: &Path) -> io::Result<Self> {
+        Self::start_with(connection, |seconds, ended| Flusher::start(log, seconds, ended).map(Some))
+    }
+
+    /// The same, with a flusher made from the histogram of commit times and the end of the writer; none for a database in memory.
+    pub(super) fn start_with(
+        connection: SqliteConnection,
+        flusher: impl FnOnce(Histogram, CancellationToken) -> io::Result<Option<Flusher>>,
+    ) -> io::Result<Self> {
         let (queue, waiting) = mpsc::channel(1024);
         let ended = CancellationToken::new();
         // Cancelled however the task ends, a panic included.
@@ -109,12 +122,12 @@ impl Writer {
         let commits = Arc::new(AtomicU64::new(0));
         let counted = commits.clone();
         let commit_seconds = Histogram::new(COMMIT_SECONDS);
-        let timed = commit_seconds.clone();
+        let flusher = flusher(commit_seconds.clone(), ended.clone())?;
         let task = tokio::spawn(async move {
             let _guard = guard;
-            run(connection, waiting, &counted, &timed).await;
+            run(connection, waiting, &counted, flusher).await;
         });
-        Self { queue, task: tokio::sync::Mutex::new(Some(task)), ended, commits, commit_seconds }
+        Ok(Self { queue, task: tokio::sync::Mutex::new(Some(task)), ended, commits, commit_seconds })
     }
 
     /// Number of commits that readers can see.
@@ -127,7 +140,7 @@ impl Writer {
         self.commits.clone()
     }
 
-    /// Durations of commits: of the last statement of a transaction, which flushes to disk.
+    /// Durations of commits: from the last statement of a transaction to the end of its flush to disk.
     pub(super) fn commit_seconds(&self) -> Histogram {
         self.commit_seconds.clone()
     }
@@ -208,7 +221,7 @@ async fn run(
     mut connection: SqliteConnection,
     mut waiting: mpsc::Receiver<Message>,
     commits: &AtomicU64,
-    seconds: &Histogram,
+    flusher: Option<Flusher>,
 ) {
     let mut next = Next::default();
     while let Some(first) = next.first(&mut waiting).await {
@@ -222,52 +235,63 @@ async fn run(
         }
         let mut finished = Vec::new();
         let committed = if first.is_large() {
-            execute_large(&mut connection, first, &mut finished, seconds).await
+            execute_large(&mut connection, first, &mut finished).await
         } else {
-            execute_group(&mut connection, first, &mut waiting, &mut finished, &mut next, seconds).await
+            execute_group(&mut connection, first, &mut waiting, &mut finished, &mut next).await
         };
         // Before the answers: a client that reads after its answer must not get an older version.
         commits.fetch_add(1, Ordering::Release);
-        let failure = committed.err();
-        if let Some(error) = &failure {
-            tracing::error!(%error, pieces = finished.len(), "writes were not committed");
-            // Fails if there is nothing to roll back, which does no harm.
-            let _ = sqlx::query("ROLLBACK").execute(&mut connection).await;
+        let pieces = finished.len();
+        let answer: Answer = Box::new(move |committed| {
+            for piece in finished {
+                (piece.reply)(committed.clone().map_err(StoreError::Commit));
+            }
+        });
+        match (committed, &flusher) {
+            (Ok(started), Some(flusher)) => {
+                if let Err(answer) = flusher.submit(started, answer) {
+                    answer(Err(Arc::new(sqlx::Error::WorkerCrashed)));
+                    break;
+                }
+            }
+            (Ok(_), None) => answer(Ok(())),
+            (Err(error), _) => {
+                tracing::error!(%error, pieces, "writes were not committed");
+                // Fails if there is nothing to roll back, which does no harm.
+                let _ = sqlx::query("ROLLBACK").execute(&mut connection).await;
+                answer(Err(error));
+            }
         }
-        for piece in finished {
-            (piece.reply)(failure.clone().map_or(Ok(()), |error| Err(StoreError::Commit(error))));
-        }
+    }
+    if let Some(flusher) = flusher {
+        flusher.close().await;
     }
     if let Err(error) = connection.close().await {
         tracing::warn!(%error, "the database did not close cleanly");
     }
 }
 
-/// Executes a large write, and commits.
+/// Executes a large write, and commits. Returns the start of the commit.
 async fn execute_large(
     connection: &mut SqliteConnection,
     piece: Box<dyn Write>,
     finished: &mut Vec<Finished>,
-    seconds: &Histogram,
-) -> Result<(), Arc<sqlx::Error>> {
+) -> Result<Instant, Arc<sqlx::Error>> {
     let done = piece.run(&mut *connection).await;
     let end = if done.keep { "COMMIT" } else { "ROLLBACK" };
     finished.push(done);
     let started = Instant::now();
-    let ended = sqlx::raw_sql(end).execute(connection).await;
-    seconds.observe(started.elapsed().as_secs_f64());
-    ended.map(drop).map_err(Arc::new)
+    sqlx::raw_sql(end).execute(connection).await.map(|_| started).map_err(Arc::new)
 }
 
-/// Executes the first write and those that queue up meanwhile, and commits.
+/// Executes the first write and those that queue up meanwhile, and commits. Returns the start of the commit.
 async fn execute_group(
     connection: &mut SqliteConnection,
     first: Box<dyn Write>,
     waiting: &mut mpsc::Receiver<Message>,
     finished: &mut Vec<Finished>,
     next: &mut Next,
-    seconds: &Histogram,
-) -> Result<(), Arc<sqlx::Error>> {
+) -> Result<Instant, Arc<sqlx::Error>> {
     let mut piece = first;
     loop {
         let done = piece.run(&mut *connection).await;
@@ -283,12 +307,9 @@ async fn execute_group(
         };
         let started = Instant::now();
         let outcome = sqlx::raw_sql(sql).execute(&mut *connection).await;
-        if more.is_none() {
-            seconds.observe(started.elapsed().as_secs_f64());
-        }
         match (outcome, more) {
             (Ok(_), Some(more)) => piece = more,
-            (Ok(_), None) => return Ok(()),
+            (Ok(_), None) => return Ok(started),
             (Err(error), more) => {
                 let error = Arc::new(error);
                 if let Some(more) = more {

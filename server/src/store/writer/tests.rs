@@ -8,13 +8,18 @@ use sqlx::sqlite::SqliteConnectOptions;
 use super::*;
 use crate::store::Unavailable;
 
+/// A writer whose commits are not flushed.
+fn unflushed(connection: SqliteConnection) -> Writer {
+    Writer::start_with(connection, |_, _| Ok(None)).unwrap()
+}
+
 #[tokio::test]
 async fn a_busy_database_is_an_error_and_the_writer_continues() {
     let dir = tempfile::tempdir().unwrap();
     let options = SqliteConnectOptions::new().filename(dir.path().join("db")).create_if_missing(true);
     let options = options.busy_timeout(Duration::from_millis(20));
     let mut other = options.connect().await.unwrap();
-    let writer = Writer::start(options.connect().await.unwrap());
+    let writer = unflushed(options.connect().await.unwrap());
     sqlx::query("BEGIN IMMEDIATE").execute(&mut other).await.unwrap();
     let error = writer.write(|_| Box::pin(async { Ok(()) })).await.unwrap_err();
     assert_eq!(error.unavailable(), Some(Unavailable::Busy), "{error:?}");
@@ -30,7 +35,7 @@ async fn a_full_disk_is_an_error_and_the_writer_continues() {
     let mut connection = options.connect().await.unwrap();
     let small = "CREATE TABLE t (x); PRAGMA max_page_count = 3";
     sqlx::raw_sql(small).execute(&mut connection).await.unwrap();
-    let writer = Writer::start(connection);
+    let writer = unflushed(connection);
     let insert = async |bytes: i64| {
         let sql = "INSERT INTO t VALUES (zeroblob(?))";
         writer
@@ -49,7 +54,7 @@ async fn a_full_disk_is_an_error_and_the_writer_continues() {
 async fn a_large_write_has_its_own_transaction_and_fails_alone() {
     let mut connection = SqliteConnectOptions::new().in_memory(true).connect().await.unwrap();
     sqlx::raw_sql("CREATE TABLE t (x)").execute(&mut connection).await.unwrap();
-    let writer = Writer::start(connection);
+    let writer = unflushed(connection);
     let insert = async |number: i64, is_large: bool, fails: bool| {
         let sql = "INSERT INTO t VALUES (?)";
         writer
@@ -83,7 +88,7 @@ async fn a_large_write_has_its_own_transaction_and_fails_alone() {
 
 #[tokio::test]
 async fn a_panic_of_the_writer_ends_it() {
-    let writer = Writer::start(SqliteConnectOptions::new().in_memory(true).connect().await.unwrap());
+    let writer = unflushed(SqliteConnectOptions::new().in_memory(true).connect().await.unwrap());
     let lost = writer.write::<(), _>(|_| Box::pin(async { panic!("on purpose") })).await;
     assert!(matches!(lost, Err(StoreError::WriterGone)), "{lost:?}");
     tokio::time::timeout(Duration::from_secs(20), writer.ended()).await.expect("the writer has ended");
