@@ -110,7 +110,7 @@ fn agreement(targets: &[TargetAgreement]) -> Vec<String> {
         .map(|of| format!("`{}` of the test \"{}\"", of.target.of.response(), of.target.test))
         .collect();
     if !missing.is_empty() {
-        sentences.push(format!("Too few runs reached {}, which was not compared.", list(&missing)));
+        sentences.push(format!("Too few runs gave {}, which was not compared.", list(&missing)));
     }
     let agreeing = targets.len() - contradicted.len() - missing.len();
     if agreeing > 0 && contradicted.is_empty() {
