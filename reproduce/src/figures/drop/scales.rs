@@ -97,11 +97,12 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     let broken = smallest.and_then(|(_, share)| share.range()).filter(|(minimum, _)| *minimum > 0.05);
     let mut findings = Vec::new();
     findings.extend(broken.map(|(minimum, _)| {
+        let percent = (minimum * 1000.0).round() / 10.0;
+        let share = if percent < 100.0 { format!("at least {} %", significant(percent)) } else { "all".to_owned() };
         format!(
-            "In the paper, under 5 % of the bonds stay intact at the smallest scale. Roost does not reproduce this loss: at least {} % \
-             of the bonds stay intact with every seed. The paper's text gives the smallest scale once as 0.25 and once as 1. It also \
-             reports 100 % intact bonds at the chosen scale 1.",
-            significant((minimum * 1000.0).round() / 10.0)
+            "In the paper, under 5 % of the bonds stay intact at the smallest scale. Roost does not reproduce this loss: {share} of \
+             the bonds stay intact with every seed. The paper's text gives the smallest scale once as 0.25 and once as 1. It also \
+             reports 100 % intact bonds at the chosen scale 1."
         )
     }));
     findings.extend(first_fall(&times).map(|((from, before), (to, after))| {
