@@ -7,8 +7,8 @@ use std::time::Duration;
 use std::{env, fs, io};
 
 use anyhow::Result;
+use roost_solver::files::write_atomically;
 use roost_solver::{Checked, Checkpoint, Stamp};
-use roost_terminal::files::write_atomically;
 use roost_terminal::{BadInput, format, message};
 use roost_worker::checkpoints::{CheckpointSlot, Resume};
 use roost_worker::device::Device;

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use roost_solver::result::{EndReason, RunResult};
-use roost_solver::{Checkpoint, SOLVER_REVISION};
-use roost_terminal::{BadInput, files};
+use roost_solver::{Checkpoint, SOLVER_REVISION, files};
+use roost_terminal::BadInput;
 use serde::{Deserialize, Serialize};
 
 use crate::picture::{Moment, Picture, Shot, View};

@@ -4,13 +4,14 @@
 //! document, [`check()`] makes it [`Checked`], and [`simulate()`] runs it. [`experiments`] turns a scenario into a scene of
 //! bodies and surfaces, [`engine`] owns the state and the order of the stages of a step, [`cpu`] and, with the feature of
 //! that name, `gpu` compute the stages, [`observe`] evaluates samples, [`result`] is the result document, and [`observable`] takes
-//! numbers from it that a laboratory measures as well.
+//! numbers from it that a laboratory measures as well. [`files`] writes checkpoints and other files for all crates.
 
 mod check;
 pub mod cpu;
 pub mod engine;
 pub mod equipment;
 pub mod experiments;
+pub mod files;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod mesh;

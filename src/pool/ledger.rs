@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use roost_api::time::Timestamp;
+use roost_solver::files::write_atomically;
 use roost_terminal::BadInput;
-use roost_terminal::files::write_atomically;
 use serde::{Deserialize, Serialize};
 
 use super::rule::{Failures, WorkerKind};

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use roost_api::ids::SweepId;
-use roost_terminal::{BadInput, Exit, files, plot, print_json, print_line};
+use roost_solver::files;
+use roost_terminal::{BadInput, Exit, plot, print_json, print_line};
 use roost_worker::client::Client;
 use serde_json::json;
 

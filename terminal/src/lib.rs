@@ -6,7 +6,6 @@
 //! made, and tables and progress bars escape every cell and every text.
 
 pub mod exit;
-pub mod files;
 pub mod format;
 pub mod input;
 mod log;
