@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from .recording import FrameOptions
+
 VERSION: str
 SOLVER_REVISION: int
 
@@ -30,4 +32,5 @@ class Scenario:
         checkpoint: Path | None,
         checkpoint_every_s: float,
         from_start: bool,
-    ) -> tuple[str, BaseException | None, str | None]: ...
+        frames: FrameOptions | None,
+    ) -> tuple[str, BaseException | None, list[str]]: ...

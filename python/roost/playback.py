@@ -1,6 +1,6 @@
 """Playback of recorded frames in a notebook, by the player of the dashboard.
 
-`Player("run.roostframes")` as the last line of a cell shows it. The frames come from `roost run --frames`, or from a job of a server.
+`Player(result)` as the last line of a cell shows it. The frames come from `roost.run(frames=…)`, `roost run --frames`, or a job of a server.
 The file goes to the browser as a whole: a simulation of the whole hopper has about 13 MB.
 """
 
@@ -12,6 +12,7 @@ from typing import Any, Protocol, Union, runtime_checkable
 from urllib.parse import urlsplit, urlunsplit
 
 from roost.errors import RoostError
+from roost.result import Result
 
 try:
     import anywidget
@@ -33,7 +34,7 @@ class Recorded(Protocol):
         ...
 
 
-Source = Union[str, "os.PathLike[str]", bytes, Recorded]
+Source = Union[str, "os.PathLike[str]", bytes, Result, Recorded]
 
 
 def _code(name: str) -> str:
@@ -46,8 +47,8 @@ def _code(name: str) -> str:
 class Player(anywidget.AnyWidget):
     """Plays the frames of a simulation.
 
-    The source is a file with a stream of frames (`run.roostframes`), the folder of `roost run --frames`, the address of such a file
-    (`http://…/v1/jobs/ID/frames`), a job of `roost.Client`, or the bytes of the stream.
+    The source is the result of `roost.run(frames=…)`, a file with a stream of frames (`run.roostframes`), the folder of
+    `roost run --frames`, the address of such a file (`http://…/v1/jobs/ID/frames`), a job of `roost.Client`, or the bytes of the stream.
 
     The choices of the reader are in `frame`, `colour` and `view` as soon as the playback pauses. They may be given as arguments to start
     with.
@@ -82,6 +83,10 @@ class Player(anywidget.AnyWidget):
 def _read(source: Source, token: str | None) -> bytes:
     if isinstance(source, bytes):
         return source
+    if isinstance(source, Result):
+        if source.frames is None:
+            raise RoostError("the run of this result has recorded no frames: roost.run(scenario, frames=FOLDER) records them")
+        source = source.frames
     if isinstance(source, Recorded):
         return _of_job(source)
     if isinstance(source, str) and urlsplit(source).scheme in ("http", "https"):

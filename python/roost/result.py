@@ -64,9 +64,11 @@ class RunWarning:
 class Result:
     """The result of a simulation, from `roost.run`, a server, or the `result.json` of `roost run`."""
 
-    def __init__(self, document: Mapping[str, Any]) -> None:
+    def __init__(self, document: Mapping[str, Any], frames: Path | None = None) -> None:
         self.document: dict[str, Any] = dict(document)
         """The whole result document, as `roost run` writes it."""
+        self.frames = frames
+        """The folder of its frames, which `roost.run(frames=…)` has written. `roost.playback.Player` plays it, or this result."""
         self.series: dict[str, Curve] = {
             row["name"]: Curve(row["name"], row["unit"], "t", "s", _floats(row["t_s"]), _floats(row["values"]))
             for row in document["series"]

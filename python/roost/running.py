@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 import warnings
@@ -16,6 +17,7 @@ from tqdm.auto import tqdm
 
 from . import _native
 from .errors import Interrupted, RoostError
+from .recording import FrameFormat, FrameOptions, frame_options
 from .result import Result
 from .scenario import Scenario, _scenario_error
 
@@ -70,6 +72,10 @@ def run(
     checkpoint: str | os.PathLike[str] | None = None,
     checkpoint_every: float = 30.0,
     from_start: bool = False,
+    frames: str | os.PathLike[str] | None = None,
+    frame_interval: float = 0.05,
+    frame_format: FrameFormat = "both",
+    frame_limit_mb: int = 2000,
 ) -> Result:
     """Simulates a scenario here, without a server. The result has the bits of `roost run`.
 
@@ -82,21 +88,33 @@ def run(
     `from_start` is False. It is written every `checkpoint_every` seconds and at Ctrl-C, and deleted at the end of the run.
     `roost run --checkpoint-every` uses the same file.
 
+    `frames` is a folder for frames: the files of `roost run --frames`, with the same bytes. Frames of an earlier run in it are removed.
+    `frame_interval` is the simulated time between frames in seconds, rounded to a multiple of `numerics.output_interval_s`.
+    `frame_format` is `"vtk"` for ParaView, `"web"` for `roost.playback.Player`, or `"both"`. `frame_limit_mb` is the maximum size of all
+    frames. A run with frames has no checkpoint. `Result.frames` is the folder, also after Ctrl-C.
+
     Raises `ScenarioError` for a scenario with faults, `Interrupted` (a `KeyboardInterrupt`) with the result so far at Ctrl-C, and
-    `RoostError` if the device or the checkpoint cannot be used. A run that diverges is a result: its `end_reason` is `unstable`.
+    `RoostError` if the device, the checkpoint or the folder of frames cannot be used. A run that diverges is a result: its `end_reason` is `unstable`.
     """
     if not isinstance(scenario, Scenario):
         scenario = Scenario(scenario)
     if seed is not None:
         scenario = scenario.with_(seed=seed)
-    if checkpoint_every <= 0:
-        raise ValueError("checkpoint_every is in seconds and positive")
+    if not (checkpoint_every > 0 and math.isfinite(checkpoint_every)):
+        raise ValueError(f"checkpoint_every is {checkpoint_every!r}; allowed: a number of seconds above 0")
+    recording = None if frames is None else frame_options(frames, frame_interval, frame_format, frame_limit_mb)
+    if recording and checkpoint is not None:
+        raise ValueError("frames and checkpoint are both given; allowed: one of them, since a continued run has no earlier frames")
+
+    def simulate(report: Callable[[Progress], object] | None) -> Result:
+        return _run(scenario, threads, device, report, checkpoint, checkpoint_every, from_start, recording)
+
     if not isinstance(progress, bool):
-        return _run(scenario, threads, device, progress, checkpoint, checkpoint_every, from_start)
+        return simulate(progress)
     if not progress:
-        return _run(scenario, threads, device, None, checkpoint, checkpoint_every, from_start)
+        return simulate(None)
     with closing(_Bar()) as bar:
-        result = _run(scenario, threads, device, bar.update, checkpoint, checkpoint_every, from_start)
+        result = simulate(bar.update)
         bar.finish(result)
         return result
 
@@ -109,6 +127,7 @@ def _run(
     checkpoint: str | os.PathLike[str] | None,
     checkpoint_every: float,
     from_start: bool,
+    recording: FrameOptions | None,
 ) -> Result:
     file = None if checkpoint is None else _file(Path(checkpoint))
 
@@ -117,21 +136,22 @@ def _run(
             report(Progress(**json.loads(document)))
 
     try:
-        text, stopped_by, warning = scenario._native.run(
+        text, stopped_by, problems = scenario._native.run(
             threads=threads,
             device=device,
             report=None if report is None else tell,
             checkpoint=file,
             checkpoint_every_s=checkpoint_every,
             from_start=from_start,
+            frames=recording,
         )
     except _native.Faults as error:
         raise _scenario_error(error) from None
     except _native.Refused as error:
         raise RoostError(*error.args) from None
-    if warning is not None:
-        warnings.warn(warning, RuntimeWarning, stacklevel=3)
-    result = Result(json.loads(text))
+    for problem in problems:
+        warnings.warn(problem, RuntimeWarning, stacklevel=4)
+    result = Result(json.loads(text), recording.folder if recording else None)
     if type(stopped_by) is KeyboardInterrupt:
         raise Interrupted(result) from None
     if stopped_by is not None:

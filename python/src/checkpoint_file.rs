@@ -1,11 +1,12 @@
 //! The checkpoint file of a run. `roost run --checkpoint-every` reads and writes the same file.
 
 use std::fs;
-use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::io;
+use std::path::PathBuf;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use roost_solver::files::write_atomically;
 use roost_solver::{Checkpoint, Stamp};
 
 /// The checkpoint file of a run.
@@ -16,7 +17,7 @@ pub(crate) struct CheckpointFile {
     /// Writes the last checkpoint beside the run.
     writer: Option<JoinHandle<io::Result<()>>>,
     /// Why the last checkpoint is not in the file. The one before it then still is.
-    pub(crate) warning: Option<String>,
+    warning: Option<String>,
 }
 
 impl CheckpointFile {
@@ -52,12 +53,13 @@ impl CheckpointFile {
         self.writer = Some(std::thread::spawn(move || write_atomically(&path, &checkpoint.to_bytes())));
     }
 
-    /// Waits for the last file. A run at its end needs none.
-    pub(crate) fn finish(&mut self, is_at_its_end: bool) {
+    /// Waits for the last file. A run at its end needs none. Gives a warning if it could not be written.
+    pub(crate) fn finish(&mut self, is_at_its_end: bool) -> Option<String> {
         self.wait();
         if is_at_its_end {
             let _ = fs::remove_file(&self.path);
         }
+        self.warning.take()
     }
 
     fn wait(&mut self) {
@@ -65,18 +67,4 @@ impl CheckpointFile {
         let written = writer.join().unwrap_or_else(|_| Err(io::Error::other("its thread panicked")));
         self.warning = written.err().map(|error| format!("the checkpoint was not saved: {error}"));
     }
-}
-
-/// Writes a temporary file beside `path` and renames it, so that a reader sees the whole content or the old one.
-fn write_atomically(path: &Path, content: &[u8]) -> io::Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    // As the user's other new files: those of `tempfile` are for the user alone.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = builder.tempfile_in(folder)?;
-    file.write_all(content)?;
-    file.as_file().sync_all()?;
-    file.persist(path)?;
-    Ok(())
 }

@@ -5,6 +5,7 @@
 
 mod checkpoint_file;
 mod device;
+mod frames;
 mod observer;
 mod scenario;
 

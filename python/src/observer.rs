@@ -1,8 +1,10 @@
-//! The observer of a run: reports progress to Python, notices signals, and keeps the checkpoint file.
+//! The observer of a run: reports progress to Python, notices signals, records frames, and keeps the checkpoint file.
 
 use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
+use roost_frames::Recorder;
+use roost_solver::engine::run::Snapshot;
 use roost_solver::{Checkpoint, Flow, Moment, Observer, Progress};
 
 use crate::checkpoint_file::CheckpointFile;
@@ -16,14 +18,26 @@ pub(crate) struct PythonObserver {
     report: Option<Py<PyAny>>,
     reported_at: Instant,
     /// The exception that stops the run.
-    pub(crate) raised: Option<PyErr>,
+    raised: Option<PyErr>,
     /// Its checkpoint file.
-    pub(crate) checkpoints: Option<CheckpointFile>,
+    checkpoints: Option<CheckpointFile>,
+    frames: Option<Recorder>,
 }
 
 impl PythonObserver {
-    pub(crate) fn new(report: Option<Py<PyAny>>, checkpoints: Option<CheckpointFile>) -> Self {
-        Self { report, reported_at: Instant::now(), raised: None, checkpoints }
+    pub(crate) fn new(
+        report: Option<Py<PyAny>>,
+        checkpoints: Option<CheckpointFile>,
+        frames: Option<Recorder>,
+    ) -> Self {
+        Self { report, reported_at: Instant::now(), raised: None, checkpoints, frames }
+    }
+
+    /// Completes the files of a run that has ended. Gives the exception that stopped it, and warnings.
+    pub(crate) fn finish(mut self, is_at_its_end: bool) -> (Option<PyErr>, Vec<String>) {
+        let stopped = self.frames.as_mut().and_then(|frames| frames.finish().stopped);
+        let not_saved = self.checkpoints.as_mut().and_then(|file| file.finish(is_at_its_end));
+        (self.raised, stopped.into_iter().chain(not_saved).collect())
     }
 
     /// Runs signal handlers, of which that of Ctrl-C raises `KeyboardInterrupt`, and reports.
@@ -43,6 +57,16 @@ impl Observer for PythonObserver {
         self.raised = self.call(progress).err();
         self.reported_at = Instant::now();
         if self.raised.is_some() { Flow::Cancel } else { Flow::Continue }
+    }
+
+    fn wants_snapshot(&self, simulated_s: f64) -> bool {
+        self.frames.as_ref().is_some_and(|frames| frames.wants_snapshot(simulated_s))
+    }
+
+    fn snapshot(&mut self, snapshot: &Snapshot<'_>) {
+        if let Some(frames) = &mut self.frames {
+            frames.snapshot(snapshot);
+        }
     }
 
     fn wants_checkpoint(&mut self, moment: Moment) -> bool {

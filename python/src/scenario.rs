@@ -11,6 +11,7 @@ use roost_solver::scenario::{self, Fault, MeshFiles, read_json, read_mesh_files}
 use roost_solver::{Checked, Limits};
 
 use crate::checkpoint_file::CheckpointFile;
+use crate::frames::FrameOptions;
 use crate::observer::PythonObserver;
 use crate::{Refused, device, faults_error, json};
 
@@ -21,8 +22,8 @@ pub(crate) struct Scenario {
     files: MeshFiles,
 }
 
-/// Result as JSON, the exception that stopped the run, and why its checkpoint is missing.
-type Ended = (String, Option<Py<PyBaseException>>, Option<String>);
+/// Result as JSON, the exception that stopped the run, and warnings: why its checkpoint is missing, or its frames end early.
+type Ended = (String, Option<Py<PyBaseException>>, Vec<String>);
 
 #[pymethods]
 impl Scenario {
@@ -58,7 +59,7 @@ impl Scenario {
     /// Runs the scenario without the interpreter's lock. `report` gets the progress as JSON about ten times a second.
     ///
     /// An exception of `report` or of a signal handler stops the run, and is returned beside the result so far.
-    #[pyo3(signature = (*, threads, device, report, checkpoint, checkpoint_every_s, from_start))]
+    #[pyo3(signature = (*, threads, device, report, checkpoint, checkpoint_every_s, from_start, frames))]
     #[allow(clippy::too_many_arguments, reason = "named in every call")]
     fn run(
         &self,
@@ -69,6 +70,7 @@ impl Scenario {
         checkpoint: Option<PathBuf>,
         checkpoint_every_s: f64,
         from_start: bool,
+        frames: Option<FrameOptions>,
     ) -> PyResult<Ended> {
         let checked = self.checked(py)?;
         let computer = py.detach(|| device::open(device, threads)).map_err(Refused::new_err)?;
@@ -81,18 +83,16 @@ impl Scenario {
             }
             _ => None,
         };
-        let mut observer = PythonObserver::new(report, file);
-        let result = py.detach(|| {
+        let recorder = frames.map(|frames| py.detach(|| frames.recorder(&checked)));
+        let recorder = recorder.transpose().map_err(Refused::new_err)?;
+        let mut observer = PythonObserver::new(report, file, recorder);
+        let (result, (raised, warnings)) = py.detach(|| {
             let result = computer.simulate_from(&checked, saved.as_ref(), &mut observer);
-            if let (Ok(result), Some(file)) = (&result, &mut observer.checkpoints) {
-                file.finish(result.end_reason != EndReason::Cancelled);
-            }
-            result
+            let is_at_its_end = result.as_ref().is_ok_and(|result| result.end_reason != EndReason::Cancelled);
+            (result, observer.finish(is_at_its_end))
         });
         let result = result.map_err(|error| Refused::new_err(error.to_string()))?;
-        let raised = observer.raised.map(|error| error.into_value(py));
-        let warning = observer.checkpoints.and_then(|file| file.warning);
-        Ok((json(&result), raised, warning))
+        Ok((json(&result), raised.map(|error| error.into_value(py)), warnings))
     }
 }
 
