@@ -101,7 +101,8 @@ class Transport:
             timeout=httpx.Timeout(60.0, connect=10.0),
             # The server closes idle connections after 10 s.
             limits=httpx.Limits(max_connections=16, keepalive_expiry=5.0),
-            verify=ssl.create_default_context(cafile=os.fspath(ca)) if ca else True,
+            # Without a file, the authorities of the system, or of SSL_CERT_FILE and SSL_CERT_DIR: httpx alone takes those of certifi.
+            verify=ssl.create_default_context(cafile=os.fspath(ca) if ca else None),
             # A proxy of the environment cannot reach this machine's own addresses.
             trust_env=not _is_loopback(address.host),
         )

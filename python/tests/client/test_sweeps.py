@@ -32,7 +32,8 @@ def sweep(client: Client, sweep_document: dict[str, Any]) -> Sweep:
 def test_results_have_short_names_units_and_types(sweep: Sweep) -> None:
     table = sweep.to_pandas()
     assert table.shape[0] == 8
-    assert list(table.columns[:6]) == ["job_id", "point", "replicate", "seed", GATE, FRICTION]
+    names: list[str] = table.columns.tolist()
+    assert names[:6] == ["job_id", "point", "replicate", "seed", GATE, FRICTION]
     assert table[GATE].tolist() == [0.01] * 4 + [0.08] * 4
     assert table.attrs["units"][GATE] == "m" and table.attrs["units"]["discharged_kg"] == "kg"
     assert FRICTION not in table.attrs["units"] and "jammed" not in table.attrs["units"]
