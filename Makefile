@@ -65,6 +65,12 @@ python-tools: needs
 # The Python package as dist/roost-*.whl: the native module, and the command as a script. PROFILE=dev uses the build of the tests.
 PROFILE ?= release
 wheel: NEEDS += strip:binutils
+# No path of this machine goes into a release. Other flags would compile the build of the tests again.
+ifeq ($(PROFILE),release)
+CARGO_HOME ?= $(HOME)/.cargo
+wheel: export RUSTFLAGS += --remap-path-prefix=$(CURDIR)=roost --remap-path-prefix=$(CARGO_HOME)=cargo
+wheel: export CFLAGS += -ffile-prefix-map=$(CURDIR)=roost -ffile-prefix-map=$(CARGO_HOME)=cargo
+endif
 wheel: needs python-tools
 	cargo build --profile $(PROFILE) --bin roost
 	mkdir -p python/data/scripts dist
@@ -73,6 +79,7 @@ wheel: needs python-tools
 	rm -f dist/roost-*.whl
 	$(PYTHON_TOOLS)/bin/python python/stage.py
 	$(PYTHON_TOOLS)/bin/maturin build --manifest-path python/Cargo.toml --profile $(PROFILE) --out dist
+	$(PYTHON_TOOLS)/bin/python python/portable.py $(if $(filter release,$(PROFILE)),,--keep-paths) dist/roost-*.whl
 	ls -lh dist/roost-*.whl
 
 # Types of the dashboard's modules, against the API's OpenAPI document. Where npm cannot install TypeScript, this says so and passes.
