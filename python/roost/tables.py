@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any, Literal
@@ -51,7 +51,7 @@ class Share:
 
     @classmethod
     def of(cls, count: int, n: int) -> Share:
-        """The share of `count` in `n` jobs."""
+        """The share of `count` in `n` jobs, computed here: for runs of this process, and for selections that the server does not know."""
         if n == 0:
             return cls(count, n, math.nan, 0.0, 1.0)
         share, z2_n = count / n, NormalDist().inv_cdf(0.975) ** 2 / n
@@ -110,15 +110,36 @@ class Results:
 
         return polars.DataFrame({name: _alike(values) for name, values in self.columns.items()}, strict=False)
 
-    def share(self, response: str, word: str | None = None) -> Share:
-        """The share of succeeded jobs in which an indicator such as `jammed` is 1, or a response is the word, over
-        all rows by job."""
-        if self.by != "trial":
-            raise RoostError("a table by point has shares as columns, such as `jammed.mean`: take the results by job")
+    def share(self, response: str, word: str | None = None, *, point: int | None = None) -> Share:
+        """The share of succeeded jobs in which an indicator such as `jammed` is 1, or a response is the word.
+
+        A table by job gives it over all its rows, a table by point as the server has computed it for one `point`.
+        """
+        if self.by == "point":
+            rows = [row for row in self.rows if row["point"] == point]
+            if not rows:
+                last = max((row["point"] for row in self.rows), default=-1)
+                raise RoostError(f"point is {point}; allowed in a table by point: 0 to {last}")
+            return _share_of_point(rows[0]["responses"].get(response, {}), word)
+        if point is not None:
+            raise RoostError("a table by job has the share over all its rows: take the results by point")
         values = [row["responses"].get(response) for row in self.rows if row["state"] == "succeeded"]
         values = [value for value in values if value is not None]
         wanted: tuple[Any, ...] = (1, True) if word is None else (word,)
         return Share.of(sum(value in wanted for value in values), len(values))
+
+
+def _share_of_point(summary: Mapping[str, Any], word: str | None) -> Share:
+    """The share that the server has computed for a design point."""
+    n: int = summary.get("n", 0)
+    if word is None:
+        share = summary.get("mean")
+        if n == 0 or share is None:
+            return Share.of(0, 0)
+        return Share(round(share * n), n, share, summary["low_95"], summary["high_95"])
+    count = (summary.get("words") or {}).get(word, 0)
+    interval = (summary.get("shares") or {}).get(word, {"low_95": 0.0, "high_95": summary.get("unseen_high_95", 1.0)})
+    return Share(count, n, count / n if n else math.nan, interval["low_95"], interval["high_95"])
 
 
 def short_names(columns: Sequence[str]) -> list[str]:

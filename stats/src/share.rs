@@ -34,18 +34,19 @@ mod tests {
 
     #[test]
     fn share_intervals_match_scipy() {
-        // scipy.stats.binomtest(count, n).proportion_ci(method="wilson"), SciPy 1.17.1.
-        for (count, n, low, high) in [
-            (0, 5, 0.0, 0.43448246478317476),
-            (4, 10, 0.16818032970623614, 0.6873262302663417),
-            (29, 40, 0.5716504419378943, 0.8389198375233267),
-            (5, 5, 0.5655175352168251, 1.0),
-            (1, 1000, 0.00017654637062607809, 0.0056425585979579355),
-        ] {
-            let interval = share_interval(count, n).unwrap();
+        // scipy.stats.binomtest(count, n).proportion_ci(method="wilson"), SciPy 1.17.1. The tests of the Python package read them as well.
+        let rows = include_str!("shares.csv").lines().skip(1);
+        assert_eq!(rows.clone().count(), 5);
+        for row in rows {
+            let [count, n, low, high] =
+                row.split(',').map(|cell| cell.parse::<f64>().unwrap()).collect::<Vec<_>>()[..]
+            else {
+                panic!("{row} has four numbers");
+            };
+            let interval = share_interval(count as u64, n as u64).unwrap();
             assert!(
                 (interval.low - low).abs() < 1e-9 && (interval.high - high).abs() < 1e-9,
-                "{count} of {n}: {interval:?}"
+                "{row}: {interval:?}"
             );
         }
         assert_eq!(share_interval(0, 0), None);

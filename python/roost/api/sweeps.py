@@ -188,13 +188,15 @@ class Sweep:
         """Its results as a data frame of polars with short column names. `results().units` has the units."""
         return self.results(by=by, responses=responses).to_polars()
 
-    def share(self, response: str, word: str | None = None) -> tables.Share:
-        """The share of succeeded jobs in which an indicator is 1, or a response is the word, over all design points."""
-        return self.results(responses=[response]).share(response, word)
+    def share(self, response: str, word: str | None = None, *, point: int | None = None) -> tables.Share:
+        """The share of succeeded jobs in which an indicator is 1, or a response is the word: of one design point, as the
+        server computes it, or over all of them."""
+        by: tables.By = "trial" if point is None else "point"
+        return self.results(by=by, responses=[response]).share(response, word, point=point)
 
-    def jam_share(self) -> tables.Share:
-        """The share of jammed jobs over all design points, with its 95 % interval."""
-        return self.share("jammed")
+    def jam_share(self, point: int | None = None) -> tables.Share:
+        """The share of jammed jobs of one design point, or over all of them, with its 95 % interval."""
+        return self.share("jammed", point=point)
 
     def series(self, name: str, *, samples: int = 200) -> list[JobSeries]:
         """One series of every job that has it, each with at most `samples` (2 to 1000) samples."""

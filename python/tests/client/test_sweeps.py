@@ -17,7 +17,7 @@ from roost.client import Client, Sweep
 from roost.errors import ApiError, RoostError
 from roost.tables import Share, short_names
 
-from .servers import hopper
+from .servers import ROOT, hopper
 
 GATE, FRICTION = "gate_opening_m", "static_friction"
 
@@ -66,18 +66,17 @@ def test_points_have_means_with_the_intervals_of_the_server(sweep: Sweep) -> Non
         share = Share.of(jammed, 2)
         expected = (point["jammed.mean"], point["jammed.low_95"], point["jammed.high_95"])
         assert (share.share, share.low_95, share.high_95) == pytest.approx(expected, abs=1e-9)
-    with pytest.raises(RoostError, match="by job"):
+    with pytest.raises(RoostError, match="point is None; allowed in a table by point: 0 to 3"):
         sweep.results(by="point").share("jammed")
 
 
 def test_shares_match_scipy() -> None:
-    # scipy.stats.binomtest(count, n).proportion_ci(method="wilson"), SciPy 1.17.1.
-    for count, n, low, high in [
-        (0, 5, 0.0, 0.43448246478317476),
-        (29, 40, 0.5716504419378943, 0.8389198375233267),
-        (5, 5, 0.5655175352168251, 1),
-    ]:
-        share = Share.of(count, n)
+    # The numbers of the tests of the server.
+    _, *rows = (ROOT / "stats/src/shares.csv").read_text(encoding="utf-8").splitlines()
+    assert len(rows) == 5
+    for row in rows:
+        count, n, low, high = map(float, row.split(","))
+        share = Share.of(int(count), int(n))
         assert (share.low_95, share.high_95) == pytest.approx((low, high), abs=1e-9)
     assert str(Share.of(3, 12)) == "3 of 12 (9 to 53 %)"
 
@@ -88,6 +87,28 @@ def test_shares_count_indicators_and_words(sweep: Sweep) -> None:
     word = jobs.regime[0]
     assert sweep.share("regime", word).count == int((jobs.regime == word).sum()) > 0
     assert sweep.share("no such response").n == 0
+
+
+def test_the_share_of_a_point_is_that_of_the_server(sweep: Sweep) -> None:
+    jobs = sweep.to_pandas()
+    points = sweep.results(by="point")
+    for point, row in enumerate(points):
+        share = sweep.jam_share(point)
+        assert (share.share, share.low_95, share.high_95) == (row["jammed.mean"], row["jammed.low_95"], row["jammed.high_95"])
+        assert share.count == int(jobs.loc[jobs.point == point, "jammed"].sum()) and share.n == 2
+        here = Share.of(share.count, share.n)
+        assert (share.low_95, share.high_95) == pytest.approx((here.low_95, here.high_95), abs=1e-9)
+    words = jobs.loc[jobs.point == 0, "regime"].tolist()
+    for word in (words[0], "no such word"):
+        share = points.share("regime", word, point=0)
+        here = Share.of(words.count(word), 2)
+        assert (share.count, share.n, share.share) == (here.count, 2, here.share)
+        assert (share.low_95, share.high_95) == pytest.approx((here.low_95, here.high_95), abs=1e-9)
+    assert points.share("no such response", point=0).n == 0
+    with pytest.raises(RoostError, match="allowed in a table by point: 0 to 3"):
+        sweep.jam_share(4)
+    with pytest.raises(RoostError, match="by point"):
+        sweep.results().share("jammed", point=0)
 
 
 def test_pages_are_followed(sweep: Sweep, monkeypatch: pytest.MonkeyPatch) -> None:
