@@ -65,7 +65,7 @@ def outcome(files: dict[str, bytes], profile: Path, timeout_s: float = 60) -> An
             """Nothing: the log of pytest stays readable."""
 
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    Thread(target=server.serve_forever, daemon=True).start()
+    Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
     log = profile / "chromium.log"
     with log.open("wb") as errors:
         address = f"http://127.0.0.1:{server.server_address[1]}/"

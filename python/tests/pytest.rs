@@ -2,6 +2,7 @@
 //!
 //! They use the package of the sources with the native module of this build, and the tools of `make python-tools`.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::LazyLock;
@@ -43,7 +44,9 @@ fn run(command: &mut Command) {
     let output = command
         .current_dir(sources())
         .env("PYTHONPATH", &*PACKAGE)
-        .env("PYTHONDONTWRITEBYTECODE", "1")
+        // Compiled modules, without which each interpreter compiles pandas for seconds. Not among the sources.
+        .env("PYTHONPYCACHEPREFIX", build().join("python-cache"))
+        .env_remove("PYTHONDONTWRITEBYTECODE")
         .output()
         .expect("the program starts");
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
@@ -52,14 +55,27 @@ fn run(command: &mut Command) {
     println!("{stdout}");
 }
 
+/// Tests that start many interpreters: they run beside the others.
+const SLOW: [&str; 2] = ["tests/test_examples.py", "tests/test_notebooks.py"];
+
+#[test]
+fn examples_and_notebooks_run() {
+    pytest(&SLOW);
+}
+
 #[test]
 fn python_tests_pass() {
+    pytest(&SLOW.map(|file| format!("--ignore={file}")));
+}
+
+fn pytest(arguments: &[impl AsRef<OsStr>]) {
     let roost = build().join("roost").with_extension(env::consts::EXE_EXTENSION);
     assert!(roost.exists(), "{} is missing: `cargo build` makes it", roost.display());
     let folder = tempfile::tempdir().expect("a folder");
     run(Command::new(tool("python/bin/pytest"))
         .args(["--quiet", "-p", "no:cacheprovider", "--durations=5", "--basetemp"])
         .arg(folder.path().join("pytest"))
+        .args(arguments)
         .env("ROOST_COMMAND", roost)
         // No test may depend on what another one has filled, or on a server of the user.
         .env("ROOST_FILLS", "")

@@ -124,7 +124,7 @@ def test_checkpoints_are_written_during_a_run(tmp_path: Path) -> None:
         if saved.exists():
             written.add(saved.stat().st_mtime_ns)
 
-    roost.run(slow_hopper(), threads=1, checkpoint=saved, checkpoint_every=0.2, progress=look)
+    roost.run(slow_hopper(1.0), threads=1, checkpoint=saved, checkpoint_every=0.1, progress=look)
     assert len(written) > 2
     assert list(tmp_path.iterdir()) == [], "deleted at the end, and no other file stays"
 

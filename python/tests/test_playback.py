@@ -101,7 +101,7 @@ class server:  # noqa: N801, a context manager that is used as a function
         self.server = HTTPServer(("127.0.0.1", 0), Handler)
 
     def __enter__(self) -> str:
-        Thread(target=self.server.serve_forever, daemon=True).start()
+        Thread(target=self.server.serve_forever, args=(0.01,), daemon=True).start()
         return f"http://127.0.0.1:{self.server.server_address[1]}/frames"
 
     def __exit__(self, *error: object) -> None:

@@ -41,11 +41,11 @@ def test_requests_and_events_survive_a_restart(own_farm: Farm) -> None:
 
 def test_a_stream_that_was_quiet_for_longer_than_the_patience_goes_on(own_farm: Farm) -> None:
     server = own_farm.serve()
-    client = own_farm.client(patience_s=2)
+    client = own_farm.client(patience_s=1)
     job = client.submit_job(hopper())
     stream = job.watch()
     assert next(stream).kind == "job"
-    time.sleep(2.5)
+    time.sleep(1.2)
     server.kill()
     server.wait()
     own_farm.serve()
