@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any, Literal
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import xarray
 
     from roost.api.units import Units
-    from roost.models import SweepView
+    from roost.models import Summary, SweepView
 
 By = Literal["trial", "point"]
 
@@ -120,7 +120,7 @@ class Results:
             if not rows:
                 last = max((row["point"] for row in self.rows), default=-1)
                 raise RoostError(f"point is {point}; allowed in a table by point: 0 to {last}")
-            return _share_of_point(rows[0]["responses"].get(response, {}), word)
+            return _share_of_point(rows[0]["responses"].get(response, {"n": 0}), word)
         if point is not None:
             raise RoostError("a table by job has the share over all its rows: take the results by point")
         values = [row["responses"].get(response) for row in self.rows if row["state"] == "succeeded"]
@@ -129,17 +129,20 @@ class Results:
         return Share.of(sum(value in wanted for value in values), len(values))
 
 
-def _share_of_point(summary: Mapping[str, Any], word: str | None) -> Share:
+def _share_of_point(summary: Summary, word: str | None) -> Share:
     """The share that the server has computed for a design point."""
-    n: int = summary.get("n", 0)
+    n = summary["n"]
     if word is None:
-        share = summary.get("mean")
-        if n == 0 or share is None:
+        share, low, high = summary.get("mean"), summary.get("low_95"), summary.get("high_95")
+        if share is None or low is None or high is None:
             return Share.of(0, 0)
-        return Share(round(share * n), n, share, summary["low_95"], summary["high_95"])
+        return Share(round(share * n), n, share, low, high)
     count = (summary.get("words") or {}).get(word, 0)
-    interval = (summary.get("shares") or {}).get(word, {"low_95": 0.0, "high_95": summary.get("unseen_high_95", 1.0)})
-    return Share(count, n, count / n if n else math.nan, interval["low_95"], interval["high_95"])
+    if count == 0:
+        high = summary.get("unseen_high_95")
+        return Share(0, n, 0.0 if n else math.nan, 0.0, 1.0 if high is None else high)
+    interval = (summary.get("shares") or {})[word]
+    return Share(count, n, count / n, interval["low_95"], interval["high_95"])
 
 
 def short_names(columns: Sequence[str]) -> list[str]:

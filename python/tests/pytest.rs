@@ -86,7 +86,9 @@ fn pytest(arguments: &[impl AsRef<OsStr>]) {
 #[test]
 fn types_pass_mypy() {
     let cache = build().join("python/mypy");
-    run(Command::new(tool("python/bin/mypy")).args(["roost", "tests", "examples", "--cache-dir"]).arg(cache));
+    run(Command::new(tool("python/bin/mypy"))
+        .args(["roost", "tests", "benches", "examples", "--cache-dir"])
+        .arg(cache));
 }
 
 #[test]
