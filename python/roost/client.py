@@ -28,7 +28,7 @@ from roost.api.studies import Study
 from roost.api.sweeps import Format, Names, Sweep
 from roost.api.transport import Params, Transport, Unreachable, quoted
 from roost.api.units import Units
-from roost.errors import ApiError, Fault
+from roost.errors import ApiError, Fault, RoostError
 from roost.models import (
     FailureClass,
     JobEnvelope,
@@ -184,7 +184,7 @@ class Client:
 
     def job(self, id: Id) -> Job:
         """A job by its id."""
-        return Job(self._transport, self._transport.get(f"/v1/jobs/{quoted(id)}"))
+        return Job(self._transport, self._transport.get(f"/v1/jobs/{_known(id, 'job')}"))
 
     def jobs(
         self,
@@ -200,7 +200,7 @@ class Client:
 
     def sweep(self, id: Id) -> Sweep:
         """A sweep by its id."""
-        return Sweep(self._transport, self._units, self._transport.get(f"/v1/sweeps/{quoted(id)}"))
+        return Sweep(self._transport, self._units, self._transport.get(f"/v1/sweeps/{_known(id, 'sweep')}"))
 
     def sweeps(self, *, label: str | None = None, limit: int | None = 100) -> list[Sweep]:
         """Sweeps, newest first; all of them with `limit=None`."""
@@ -209,7 +209,7 @@ class Client:
 
     def study(self, id: Id) -> Study:
         """A study by its id."""
-        return Study(self._transport, self._units, self._transport.get(f"/v1/studies/{quoted(id)}"))
+        return Study(self._transport, self._units, self._transport.get(f"/v1/studies/{_known(id, 'study')}"))
 
     def studies(self, *, limit: int | None = 100) -> list[Study]:
         """Studies, newest first; all of them with `limit=None`."""
@@ -274,6 +274,15 @@ class Client:
         )
         mesh: MeshView = answer.json()
         return mesh
+
+
+def _known(id: Id, kind: Literal["job", "sweep", "study"]) -> str:
+    """An identifier as a part of a path."""
+    try:
+        return str(uuid.UUID(str(id)))
+    except ValueError:
+        lists = "studies" if kind == "study" else f"{kind}s"
+        raise RoostError(f"{id!r} is not the id of a {kind}: client.{lists}() lists them") from None
 
 
 def _without_envelope(error: ApiError) -> ApiError:

@@ -70,7 +70,9 @@ class ApiError(RoostError):
         """Names the request in the log of the server."""
 
     def __str__(self) -> str:
-        text = f"{self.status} {self.title}" + (f": {self.detail}" if self.detail else "")
+        # With faults, the detail repeats the only one, or their number under the name that the API gives them.
+        detail = "" if self.faults else self.detail
+        text = f"{self.status} {self.title}" + (f": {detail}" if detail else "")
         request = f" (request {self.request_id})" if self.request_id else ""
         return "\n  ".join([text + request, *map(str, self.faults)])
 

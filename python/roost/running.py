@@ -16,6 +16,7 @@ from typing import Any
 from tqdm.auto import tqdm
 
 from . import _native
+from .api.progress import width
 from .errors import Interrupted, RoostError
 from .recording import FrameFormat, FrameOptions, frame_options
 from .result import Result
@@ -173,8 +174,12 @@ class _Bar:
     def __init__(self) -> None:
         # A notebook has no terminal, and still shows bars.
         hidden = False if _is_notebook() else None
-        form = "{desc} {percentage:3.0f}%|{bar}| {postfix}"
-        self._bar = tqdm(total=1.0, desc="simulating", bar_format=form, disable=hidden)
+        # The text is the unit: tqdm writes a comma before a postfix.
+        form = "{desc} {percentage:3.0f}%|{bar}| {unit}"
+        rows = 20 if width() else None
+        self._bar = tqdm(
+            total=1.0, desc="simulating", unit="", bar_format=form, ncols=width(), nrows=rows, disable=hidden
+        )
 
     def update(self, progress: Progress) -> None:
         self._show(progress.fraction, str(progress))
@@ -187,7 +192,7 @@ class _Bar:
 
     def _show(self, fraction: float, text: str) -> None:
         self._bar.n = fraction
-        self._bar.set_postfix_str(text, refresh=False)
+        self._bar.unit = text
         self._bar.refresh()
 
 

@@ -1,7 +1,9 @@
-"""Progress bars for waiting, in terminals and notebooks. Other outputs, such as log files, get none."""
+"""Progress bars for waiting, in terminals and notebooks. Other outputs, such as log files, get a plain line now and then."""
 
 from __future__ import annotations
 
+import os
+import sys
 import time
 import warnings
 from collections.abc import Callable
@@ -11,12 +13,16 @@ View = TypeVar("View")
 
 _FIRST_PAUSE_S = 0.1
 _LONGEST_PAUSE_S = 1.0
+# Between plain lines.
+_LINE_S = 30.0
 
 
 class Bar:
-    """A bar from 0 to 1 with a line of text."""
+    """A bar from 0 to 1 with a line of text, or plain lines where there is no terminal."""
 
     def __init__(self, name: str, *, is_shown: bool) -> None:
+        self._name = name
+        self._last_line = time.monotonic()
         with warnings.catch_warnings():
             # In a notebook without ipywidgets tqdm warns, and draws its bar as text.
             warnings.simplefilter("ignore")
@@ -25,19 +31,35 @@ class Bar:
             self._bar = tqdm(
                 total=1.0,
                 desc=name,
+                unit="",
+                ncols=width(),
+                nrows=20 if width() else None,
                 disable=None if is_shown else True,
-                bar_format="{desc}: {percentage:3.0f}%|{bar}| {postfix} [{elapsed}]",
+                # The text is the unit: tqdm writes a comma before a postfix.
+                bar_format="{desc}: {percentage:3.0f}%|{bar}| {unit} [{elapsed}, {remaining} left]",
             )
+        self._has_lines = is_shown and bool(self._bar.disable)
 
     def update(self, fraction: float, text: str) -> None:
         """Draws the bar."""
-        self._bar.set_postfix_str(text, refresh=False)
+        if self._has_lines and time.monotonic() - self._last_line >= _LINE_S:
+            self._last_line = time.monotonic()
+            print(f"{self._name}: {100 * fraction:.0f} %, {text}", file=sys.stderr, flush=True)
+        self._bar.unit = text
         self._bar.n = min(max(fraction, 0.0), 1.0)
         self._bar.refresh()
 
     def close(self) -> None:
         """Leaves the bar as it is."""
         self._bar.close()
+
+
+def width() -> int | None:
+    """The width of bars in a terminal that does not know its own; None leaves it to tqdm."""
+    try:
+        return 80 if os.get_terminal_size(sys.stderr.fileno()).columns == 0 else None
+    except (OSError, ValueError):
+        return None
 
 
 def follow(

@@ -38,11 +38,14 @@ class Sweep:
         self._units = units
         self._path = f"/v1/sweeps/{view['id']}"
         self._etag: str | None = None
+        self._warned = 0
         self.view = view
 
     def __repr__(self) -> str:
-        counts = ", ".join(f"{count} {state}" for state, count in _counts(self).items() if count)
-        return f"<Sweep {self.id} {self.name!r}: {counts}>"
+        """Its jobs by state; after `wait` also how many of them have warnings."""
+        counts = [f"{count} {state}" for state, count in _counts(self).items() if count]
+        warned = [f"{self._warned} with warnings"] if self._warned else []
+        return f"<Sweep {self.id} {self.name!r}: {', '.join(counts + warned)}>"
 
     @property
     def id(self) -> str:
@@ -66,7 +69,8 @@ class Sweep:
         return self
 
     def wait(self, timeout_s: float | None = None, *, progress: bool = True) -> Sweep:
-        """Waits until every job has ended, with a progress bar, and warns of failed jobs.
+        """Waits until every job has ended, with a progress bar, and warns of failed jobs. Then `print(sweep)` says how many
+        jobs have warnings (of sweeps with up to 5000 jobs).
 
         Raises `TimeoutError` after `timeout_s` seconds. Ctrl-C ends only the waiting.
         """
@@ -81,6 +85,9 @@ class Sweep:
         if failures:
             words = ", ".join(f"{count} {name}" for name, count in failures.items())
             warnings.warn(f"{self.view['counts']['failed']} jobs have failed ({words}): see .jobs(state='failed')", stacklevel=2)
+        if self.view["counts"]["succeeded"] <= _PAGE:
+            page = self._transport.get(f"{self._path}/results", {"responses": "warning_count", "limit": _PAGE})
+            self._warned = sum(bool(row["responses"].get("warning_count")) for row in page["trials"])
         return self
 
     def watch(self) -> Iterator[Event]:
@@ -172,7 +179,7 @@ class Sweep:
 
         `responses` selects some by name. All pages are read.
         """
-        query: Params = {"by": by, "limit": _PAGE, "responses": None if responses is None else ",".join(responses)}
+        query: Params = {"by": _row(by), "limit": _PAGE, "responses": None if responses is None else ",".join(responses)}
         view = self.view
         rows: list[dict[str, Any]] = []
         for page in self._transport.pages(f"{self._path}/results", query):
@@ -239,7 +246,7 @@ class Sweep:
         target = Path(path)
         query: dict[str, str | None] = {
             "format": format or _format_of(target),
-            "by": by,
+            "by": _row(by),
             "responses": None if responses is None else ",".join(responses),
             "names": names,
             "units": "true" if units else None,
@@ -260,6 +267,14 @@ class Sweep:
     def _set(self, view: Any) -> None:
         self.view = view
         self._etag = None
+        self._warned = 0
+
+
+def _row(by: str) -> str:
+    """A meaning of rows that the server knows."""
+    if by not in ("trial", "point"):
+        raise RoostError(f'by is {by!r}; allowed: "trial" for a row per job, "point" for a row per design point')
+    return by
 
 
 def _counts(sweep: Sweep) -> dict[str, int]:

@@ -111,6 +111,26 @@ def test_the_share_of_a_point_is_that_of_the_server(sweep: Sweep) -> None:
         sweep.results().share("jammed", point=0)
 
 
+def test_a_sweep_says_how_many_jobs_have_warnings(sweep: Sweep) -> None:
+    codes = [{warning.code for warning in job.result().warnings} for job in sweep.jobs()]
+    assert "thin_fillet" in set.union(*codes)
+    assert f"8 succeeded, {sum(map(bool, codes))} with warnings" in str(sweep)
+
+
+def test_words_that_the_server_would_refuse_are_refused_with_a_hint(client: Client, sweep: Sweep) -> None:
+    by: Any = "design_point"
+    with pytest.raises(RoostError, match='"point" for a row per design point'):
+        sweep.to_pandas(by=by)
+    with pytest.raises(RoostError, match=r"'abc' is not the id of a sweep: client.sweeps\(\) lists them"):
+        client.sweep("abc")
+
+
+def test_faults_are_shown_once(client: Client, sweep_document: dict[str, Any]) -> None:
+    with pytest.raises(ApiError) as caught:
+        client.submit_sweep({**sweep_document, "replicates": -1})
+    assert str(caught.value).count("/replicates") == 1 and "errors" not in str(caught.value)
+
+
 def test_pages_are_followed(sweep: Sweep, monkeypatch: pytest.MonkeyPatch) -> None:
     whole, curves = sweep.to_pandas(), sweep.to_xarray("discharged_mass")
     monkeypatch.setattr(roost.api.sweeps, "_PAGE", 3)
