@@ -1,6 +1,6 @@
 """Optuna chooses gate openings and belt speeds, and the jobs of a Roost server evaluate them.
 
-    roost up
+    roost up --data data --backend cpu
     python3 steady_gate.py --rounds 10
 
 The hopper shall deliver 1.2 kg/s as evenly as possible. Optuna's ask and tell work in rounds, so that all workers have jobs.

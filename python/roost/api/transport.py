@@ -272,7 +272,8 @@ class Transport:
             raise RoostError(f"{self.url} sent an answer that is no JSON: is this a Roost server?") from error
 
     def _unreachable(self, error: httpx.TransportError) -> Unreachable:
-        advice = "" if self._was_reached else ". Start one with `roost up`, or give the address as Client(url) or in ROOST_SERVER"
+        start = "Start one with `roost up --data data --backend cpu`, or give the address as Client(url) or in ROOST_SERVER"
+        advice = "" if self._was_reached else f". {start}"
         return Unreachable(f"cannot reach {self.url}: {error or type(error).__name__}{advice}")
 
 
