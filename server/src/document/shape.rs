@@ -241,6 +241,10 @@ fn object(schema: &Value, named: &Map<String, Value>) -> Rule {
     Rule::Object { fields: properties.iter().map(field).collect(), is_closed: *extra == false }
 }
 
+/// Words that people use for a field, and the field.
+const SYNONYMS: [(&str, &str); 3] =
+    [("seeds", "replicates"), ("repeats", "replicates"), ("runs", "replicates")];
+
 fn settle_fields(
     fields: &BTreeMap<String, Field>,
     is_closed: bool,
@@ -261,7 +265,9 @@ fn settle_fields(
             }
             None if is_closed => push(faults, || {
                 let known: Vec<&str> = fields.keys().map(String::as_str).collect();
-                let nearest = most_similar(&name, known.iter().copied());
+                let synonym = SYNONYMS.iter().find(|(word, field)| *word == name && known.contains(field));
+                let synonym = synonym.map(|(_, field)| *field);
+                let nearest = synonym.or_else(|| most_similar(&name, known.iter().copied()));
                 unknown_field(&at.to_string(), &value, nearest, &known)
             }),
             None => drop(settled.insert(name, value)),

@@ -101,6 +101,9 @@ fn every_fault_in_the_shape_of_a_sweep_is_listed() {
     let (_, found) =
         read_leniently::<SweepSpec>(json!({"name": "s", "base": {}, "factors": [], "design": ["grid"]}));
     assert_eq!((found.len(), found[0].pointer.as_str()), (1, "/design"));
+    let seeds = json!({"name": "s", "base": {}, "factors": [], "design": {"kind": "grid"}, "seeds": 4});
+    let (_, found) = read_leniently::<SweepSpec>(seeds);
+    assert!(of(&found, "/seeds").detail.ends_with("did you mean replicates?"), "{found:?}");
     let extra = json!({"name": "s", "base": {}, "factors": [], "design": {"kind": "grid", "extra": 1}});
     let (_, found) = read_leniently::<SweepSpec>(extra);
     assert_eq!((found.len(), found[0].pointer.as_str()), (1, "/design/extra"));

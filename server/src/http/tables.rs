@@ -54,7 +54,7 @@ pub(crate) async fn table(
     let next_cursor = range.next_cursor();
     let selected = query.selected();
     // JSON rows contain the names.
-    let responses = match (format, &selected) {
+    let mut responses = match (format, &selected) {
         (TableFormat::Json, _) => Vec::new(),
         (_, None) => responses(&app, id).await?.to_vec(),
         (_, Some(names)) => {
@@ -72,6 +72,10 @@ pub(crate) async fn table(
     let (drawn, is_drawn) = (sweep.runs_per_sample, sweep.runs_per_sample.is_some());
     let has_trials = !by_point || format == TableFormat::Xlsx;
     let posterior = if is_drawn && has_trials { posteriors::of_sweep(&app, id).await? } else { None };
+    let experiment = if query.has_units() { experiment(&app, id).await? } else { None };
+    if format == TableFormat::Xlsx && selected.is_none() {
+        sweep::headline_first(&mut responses, experiment.as_deref());
+    }
     let columns = Columns {
         factors: sweep.factors.clone(),
         parameters: posterior.iter().flat_map(|samples| samples.parameters()).cloned().collect(),
@@ -79,7 +83,7 @@ pub(crate) async fn table(
         selected,
         is_drawn,
         has_short_names: query.has_short_names(),
-        experiment: if query.has_units() { experiment(&app, id).await? } else { None },
+        experiment,
     };
     let replicates = sweep.replicates;
     let rows = TableRows { app, id, by_point, replicates, runs_per_sample: drawn, posterior, range };

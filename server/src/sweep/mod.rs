@@ -49,7 +49,7 @@ pub(crate) use schema::json_schema;
 pub(crate) use summary::by_point;
 pub(crate) use table::{Column, Response, csv, of_points, of_trials, text};
 pub(crate) use to_parquet::to_parquet;
-pub(crate) use units::unit_of;
+pub(crate) use units::{headline_first, unit_of};
 
 /// Reads a sweep and expands it, or lists the faults of its shape and its content.
 pub(crate) fn read(
@@ -67,8 +67,11 @@ pub(crate) fn read(
         Ok(expansion) if faults.is_empty() => Ok((spec, expansion)),
         Ok(_) => Err(faults),
         Err(found) => {
-            // A placeholder has no faults of its own.
-            let listed: Vec<_> = faults.iter().map(|fault| fault.pointer.clone()).collect();
+            // A placeholder has no faults of its own. What a design takes depends on its kind.
+            let mut listed: Vec<_> = faults.iter().map(|fault| fault.pointer.clone()).collect();
+            if listed.iter().any(|pointer| pointer == "/design/kind") {
+                listed.push("/design".to_owned());
+            }
             let is_new = |fault: &Fault| !listed.iter().any(|other| pointer::overlap(&fault.pointer, other));
             faults.extend(found.into_iter().filter(is_new));
             Err(faults)

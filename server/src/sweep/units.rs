@@ -69,6 +69,18 @@ pub(crate) fn unit_of(column: &str, experiment: Option<&str>) -> ColumnUnit {
     ColumnUnit { unit, meaning: format!("{meaning} {}", doc(response)).trim_end().to_owned() }
 }
 
+/// Sorts responses: those of short tables first, in the order of the table of responses, then the others as they are.
+pub(crate) fn headline_first(responses: &mut [super::Response], experiment: Option<&str>) {
+    let outputs = experiment.and_then(outputs_of);
+    let rank = |response: &super::Response| {
+        let own =
+            outputs.and_then(|outputs| outputs.responses.iter().position(|row| row.name == response.name));
+        let is_headline = response_of(&response.name, outputs).is_some_and(|row| row.headline);
+        (!is_headline, if is_headline { own } else { None })
+    };
+    responses.sort_by_key(rank);
+}
+
 /// The response of a name in an experiment, or else in any.
 fn response_of(name: &str, outputs: Option<&'static Outputs>) -> Option<Response> {
     let own = outputs.and_then(|outputs| outputs.responses.iter().find(|row| row.name == name).copied());

@@ -68,6 +68,10 @@ async fn workbook_has_points_jobs_and_units() {
     let discharged = column(&jobs, "discharged_kg");
     assert!(matches!(discharged[..2], [Data::Float(_), Data::Float(_)]), "{discharged:?}");
 
+    let head = words(jobs.rows().next().unwrap());
+    let place = |name: &str| head.iter().position(|other| other == name).expect(name);
+    assert!(place("regime") < place("jammed") && place("jammed") < place("belt_travel_m"), "{head:?}");
+
     let units = book.worksheet_range("units").unwrap();
     let names = words(&column(&units, "column"));
     let heads = points.rows().next().unwrap().iter().chain(jobs.rows().next().unwrap());

@@ -57,8 +57,11 @@ pub fn most_similar<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> Opt
         .map(|(_, known)| known)
 }
 
-/// The pointer of the field or section that `pointer` most likely means: its own neighbours first, then the
-/// same or a similar name elsewhere. None when nothing is similar.
+/// How much more similar a neighbour counts than a field elsewhere. The same name elsewhere still goes before it.
+const NEIGHBOUR: f64 = 0.2;
+
+/// The pointer of the field or section that `pointer` most likely means: the same name anywhere, then a similar one,
+/// with a bonus for its own neighbours. None when nothing is similar.
 pub fn nearest(pointer: &str) -> Option<&'static str> {
     let pointer = in_table(pointer);
     let (section, name) = split(&pointer);
@@ -66,11 +69,15 @@ pub fn nearest(pointer: &str) -> Option<&'static str> {
     if name.len() > LONGEST {
         return None;
     }
+    let rank = |(similarity, is_neighbour, _): (f64, bool, &str)| match (similarity < 1.0, is_neighbour) {
+        (true, true) => (similarity + NEIGHBOUR).min(0.99),
+        _ => similarity,
+    };
     // Reversed, since the last of equals wins.
     pointers()
         .rev()
         .map(|known| (similarity(name, split(known).1), neighbour(known), known))
         .filter(|(similarity, ..)| *similarity >= SIMILAR)
-        .max_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
+        .max_by(|a, b| rank(*a).total_cmp(&rank(*b)).then(a.1.cmp(&b.1)))
         .map(|(.., known)| known)
 }

@@ -126,6 +126,14 @@ fn a_misspelled_field_in_a_list_has_its_index() {
 }
 
 #[test]
+fn an_unknown_kind_of_design_is_one_fault() {
+    let sweep = json!({"name": "s", "base": {"experiment": "hopper"}, "design": {"kind": "lhs", "points": 30, "seed": 2},
+                       "factors": [{"pointer": GATE, "low": 0.02, "high": 0.08}]});
+    let found = read(sweep, &Meshes::default(), LIMITS).map(drop).expect_err("an unknown kind");
+    assert_eq!(found.iter().map(|fault| fault.pointer.as_str()).collect::<Vec<_>>(), ["/design/kind"]);
+}
+
+#[test]
 fn placeholders_beyond_the_maximum_of_faults_are_not_checked() {
     let sweep = json!({"name": "s", "base": {}, "design": {"kind": "grid"}, "factors": vec![3; 200]});
     let faults = read(sweep, &Meshes::default(), LIMITS).map(drop).expect_err("faulty factors");

@@ -132,6 +132,7 @@ fn unknown_field_is_refused_with_a_suggestion() {
             "/equipment/gate_opening_m",
         ),
         (json!({"equipment": {"gate_opening": 1}}), "/equipment/gate_opening", "/equipment/gate_opening_m"),
+        (json!({"equipment": {"gate_m": 1}}), "/equipment/gate_m", "/equipment/gate_opening_m"),
         (json!({"gate_opening_m": 1}), "/gate_opening_m", "/equipment/gate_opening_m"),
         (json!({"stop": {}}), "/stop", "/numerics/stop"),
         (
