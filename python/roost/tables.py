@@ -133,9 +133,13 @@ def _share_of_point(summary: Summary, word: str | None) -> Share:
     """The share that the server has computed for a design point."""
     n = summary["n"]
     if word is None:
+        if summary.get("words"):
+            raise RoostError(f"word is missing; allowed: {', '.join(sorted(summary['words']))}")
         share, low, high = summary.get("mean"), summary.get("low_95"), summary.get("high_95")
         if share is None or low is None or high is None:
             return Share.of(0, 0)
+        if not 0 <= share <= 1:
+            raise RoostError(f"the response has a mean of {share}; allowed: a response of 0 or 1")
         return Share(round(share * n), n, share, low, high)
     count = (summary.get("words") or {}).get(word, 0)
     if count == 0:

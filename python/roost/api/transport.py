@@ -10,6 +10,7 @@ import json
 import os
 import random
 import ssl
+import sys
 import time
 import urllib.parse
 from collections.abc import Callable, Generator, Iterator, Mapping
@@ -17,6 +18,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import certifi
 import httpx
 
 from roost.api.events import Event, parse
@@ -70,6 +72,15 @@ class _Busy(Exception):
         self.answer = answer
 
 
+def _authorities(ca: str | None) -> ssl.SSLContext:
+    """The authorities of a file; without one those of the system, or of SSL_CERT_FILE and SSL_CERT_DIR."""
+    places = ssl.get_default_verify_paths()
+    # Python on macOS finds none before its certificates are installed. Windows has its own store.
+    if ca is None and sys.platform != "win32" and not (places.cafile or places.capath):
+        ca = certifi.where()
+    return ssl.create_default_context(cafile=ca)
+
+
 class Transport:
     """A connection to a server, for any number of threads."""
 
@@ -101,8 +112,7 @@ class Transport:
             timeout=httpx.Timeout(60.0, connect=10.0),
             # The server closes idle connections after 10 s.
             limits=httpx.Limits(max_connections=16, keepalive_expiry=5.0),
-            # Without a file, the authorities of the system, or of SSL_CERT_FILE and SSL_CERT_DIR: httpx alone takes those of certifi.
-            verify=ssl.create_default_context(cafile=os.fspath(ca) if ca else None),
+            verify=_authorities(os.fspath(ca) if ca else None),
             # A proxy of the environment cannot reach this machine's own addresses.
             trust_env=not _is_loopback(address.host),
         )
