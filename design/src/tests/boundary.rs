@@ -1,7 +1,10 @@
 //! Tests of the goal `boundary` on synthetic truths.
 
 mod hopper;
+mod hypercube;
 mod judge;
+mod limit;
+mod oracle;
 mod truths;
 
 use serde_json::{Value, json};

@@ -1,10 +1,10 @@
-//! Repeated studies of synthetic truths: how often the band holds the true boundary, and how many runs other designs need.
+//! Repeated studies of synthetic truths: how often the band holds the true boundary.
 
 use super::truths::{TRUTHS, Truth};
 use super::{answer, holds, misclassified, question};
+use crate::Finished;
 use crate::goals::Side;
-use crate::tests::truth::{Random, play, run};
-use crate::{Evidence, Finished, Point, Proposal, Run, decide};
+use crate::tests::truth::{Random, play};
 
 /// Figures of repeated studies.
 #[derive(Default)]
@@ -61,55 +61,4 @@ fn band_holds_the_true_boundary() {
         }
     }
     assert!(missed.is_empty(), "{missed:?}");
-}
-
-/// A Latin hypercube with `replicates` runs at each of `points` points.
-fn latin_hypercube(truth: &Truth, points: usize, replicates: u32, random: &mut Random) -> Vec<Run> {
-    let column = |random: &mut Random| {
-        let mut strata: Vec<usize> = (0..points).collect();
-        for index in (1..points).rev() {
-            strata.swap(index, (random.uniform() * (index + 1) as f64) as usize);
-        }
-        strata.into_iter().map(|stratum| (stratum as f64 + random.uniform()) / points as f64).collect()
-    };
-    let columns: Vec<Vec<f64>> = (0..truth.factors).map(|_| column(random)).collect();
-    let mut runs = Vec::new();
-    for index in 0..points {
-        let point = Point::new(&columns.iter().map(|column| column[index]).collect::<Vec<_>>());
-        for replicate in 0..replicates {
-            let value = truth.draw(&point.coordinates(), random);
-            runs.push(run(&Proposal { point: point.clone(), replicate }, "y", value));
-        }
-    }
-    runs
-}
-
-#[test]
-#[ignore = "half an hour; its figures are in docs/accuracy.md"]
-fn a_latin_hypercube_needs_more_runs() {
-    let repetitions =
-        std::env::var("ROOST_REPETITIONS").ok().and_then(|text| text.parse().ok()).unwrap_or(40);
-    let only = std::env::var("ROOST_TRUTH").unwrap_or_default();
-    println!(
-        "truth | runs of the study | wrong side | wrong side with 1, 2, 4 and 8 times the runs in a Latin hypercube"
-    );
-    for truth in TRUTHS.iter().filter(|truth| truth.factors == 2 && truth.name.contains(&only)) {
-        const RUNS: usize = 200;
-        let question = question(truth, RUNS, 1e-4);
-        let mut wrong = [0.0; 5];
-        for repetition in 0..repetitions {
-            let mut random = Random(1000 * repetition + 29);
-            let (_, decision) = play(&question, ("y", 20, repetition), |x| truth.draw(x, &mut random));
-            wrong[0] += misclassified(truth, &answer(&decision).map);
-            for (index, times) in [1, 2, 4, 8].into_iter().enumerate() {
-                // Ten replicates up to 200 points, then more replicates.
-                let points = (times * RUNS / 10).min(200);
-                let runs = latin_hypercube(truth, points, (times * RUNS / points) as u32, &mut random);
-                let decision = decide(&question, &Evidence::new(runs), 0, repetition);
-                wrong[index + 1] += misclassified(truth, &answer(&decision).map);
-            }
-        }
-        let share = |index: usize| format!("{:.2} %", 100.0 * wrong[index] / repetitions as f64);
-        println!("{} | {RUNS} | {} | {}", truth.name, share(0), [1, 2, 3, 4].map(share).join(", "));
-    }
 }
