@@ -3,8 +3,8 @@
     python3 docs/data/measure.py STUDY --roost target/debug/roost --output DIR
 
 runs a study one simulation at a time, keeps each result in DIR, and prints means with 95 % intervals (Student) and ranges as a
-Markdown table. A second call runs only what is missing. `--csv FILE` replaces the study's values in a file. The value of each
-simulation has its own row. Its replicate is a seed, or the name of the fillet's size and heading.
+Markdown table. A second call runs only what is missing. `--csv FILE` replaces the values of this study and revision in a file.
+There, each value of a simulation has its own row. Its replicate is a seed, or the name of the fillet's size and heading.
 """
 
 import argparse
@@ -314,15 +314,20 @@ def main():
                 print_row(f"the same, {words} {label}", compared)
         earlier[case.label] = found
     if given.csv:
-        replace_study(given.csv, given.study, rows)
+        replace(given.csv, rows)
 
 
-def replace_study(path, study, rows):
-    """Writes the rows of a study into a file in place of its earlier ones."""
+def replace(path, rows):
+    """Writes the rows of a study into a file, in place of its earlier ones of the same revision of the solver."""
+
+    def kind(row):
+        return row[0], int(row[-1])
+
     others = []
     if path.exists():
+        replaced = {kind(row) for row in rows}
         with path.open(newline="") as file:
-            others = [row for row in list(csv.reader(file))[1:] if row[0] != study]
+            others = [row for row in list(csv.reader(file))[1:] if kind(row) not in replaced]
     with path.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["study", "case", "replicate", "response", "value", "solver_revision"])
