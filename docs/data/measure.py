@@ -2,8 +2,9 @@
 
     python3 docs/data/measure.py STUDY --roost target/debug/roost --output DIR
 
-runs a study one simulation at a time, keeps each result in DIR, and prints means with 95 % intervals (Student) as a
-Markdown table. A second call runs only what is missing. `--csv FILE` appends the value of every seed to a file.
+runs a study one simulation at a time, keeps each result in DIR, and prints means with 95 % intervals (Student) and ranges as a
+Markdown table. A second call runs only what is missing. `--csv FILE` replaces the values of this study and revision in a file.
+There, each value of a simulation has its own row. Its replicate is a seed, or the name of the fillet's size and heading.
 """
 
 import argparse
@@ -14,9 +15,22 @@ import math
 import pathlib
 import statistics
 import subprocess
+import sys
+from typing import NamedTuple
 
-# Quantiles of Student's t, 97.5 %, for 1 to 15 degrees of freedom.
-T = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131]
+SILO = pathlib.Path(__file__).parents[2] / "solver/tests/silo/silo.py"
+# Quantiles of Student's t, 97.5 %, for 1 to 17 degrees of freedom.
+T = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131, 2.120, 2.110]
+
+
+class Case(NamedTuple):
+    """Simulations of which the table has one mean."""
+
+    label: str
+    # Scenarios by replicate. Cases that are compared have the same replicates.
+    scenarios: dict
+    # Labels of earlier cases with which the table compares this one.
+    against: tuple = ()
 
 
 def merged(base, over):
@@ -24,6 +38,11 @@ def merged(base, over):
     if not isinstance(base, dict) or not isinstance(over, dict):
         return over
     return {**base, **{name: merged(base.get(name), value) for name, value in over.items()}}
+
+
+def seeds(scenario, count):
+    """A scenario with the seeds from 1 on."""
+    return {seed: {**scenario, "seed": seed} for seed in range(1, count + 1)}
 
 
 def lattice():
@@ -37,7 +56,7 @@ def lattice():
         for radius in (3, 4, 5, 6, 8):
             over = {"product": {"subparticle_radius_m": radius / 1e3}, "bonds": {"contact_between_bonded": contact}}
             label = f"{radius} mm, {'with contact' if contact else 'bonds alone'}"
-            yield label, merged(base, over), 1
+            yield Case(label, seeds(merged(base, over), 1))
 
 
 def bed(radius_mm, duration_s):
@@ -50,28 +69,98 @@ def bed(radius_mm, duration_s):
     }
 
 
+def radius():
+    """Discharge of the whole hopper over R."""
+    for radius in (4, 5, 6, 7):
+        yield Case(f"{radius} mm", seeds(bed(radius, 4.2), 6), ("4 mm",) if radius > 4 else ())
+
+
+def gates():
+    """Discharge over the opening and the ratio of radii between fillets."""
+    for gate in (6, 4.5):
+        for ratio in (1, 1.225):
+            over = {"equipment": {"gate_opening_m": gate / 100}, "contact": {"fillet_fillet_radius_ratio": ratio}}
+            against = [f"{gate} cm, ρ = 1"] * (ratio > 1) + [f"6 cm, ρ = {ratio}"] * (gate < 6)
+            yield Case(f"{gate} cm, ρ = {ratio}", seeds(merged(bed(6, 4.2), over), 5), tuple(against))
+
+
 def fill():
     """Interpenetration and bulk density of the bed at rest, over R and the ratio of radii between fillets."""
-    for radius, seeds in ((8, 5), (6, 5), (5, 5), (4, 3)):
+    for radius, count in ((8, 5), (6, 5), (5, 5), (4, 3)):
         for ratio in (1.0, 1.225, 1.5):
             over = {"contact": {"fillet_fillet_radius_ratio": ratio}}
-            yield f"{radius} mm, ρ = {ratio}", merged(bed(radius, 0.02), over), seeds
+            yield Case(f"{radius} mm, ρ = {ratio}", seeds(merged(bed(radius, 0.02), over), count))
+    stiff = {
+        "contact": {"fillet_fillet_radius_ratio": 1.225},
+        "bonds": {"normal_stiffness_n_m3": 5e6, "shear_stiffness_n_m3": 3e6},
+    }
+    yield Case("6 mm, ρ = 1.225, bonds five times as stiff", seeds(merged(bed(6, 0.02), stiff), 5))
+
+
+def dropped():
+    """Interpenetration after a fillet has fallen on another one at 3 m/s."""
+    for ratio in (1, 1.1, 1.225):
+        for radius in (4, 5, 6, 8):
+            for roll in (0, 40, 90):
+                falling = {"shape": 2, "position_m": [0.01, 0.01, 0.12], "orientation_deg": [roll, 0, 0], "velocity_m_s": [0, 0, -3]}
+                floor = {"name": "floor", "plate_m": [[-0.4, -0.4, 0], [0.8, 0, 0], [0, 0.8, 0]]}
+                scenario = {
+                    "experiment": "scene",
+                    "product": {"subparticle_radius_m": radius / 1e3},
+                    "contact": {"fillet_fillet_radius_ratio": ratio},
+                    "scene": {"bodies": [{"position_m": [0, 0, 0.025]}, falling], "surfaces": [floor]},
+                    "numerics": {"timestep_s": "auto", "duration_s": 0.8},
+                }
+                yield Case(f"{radius} mm, ρ = {ratio}, rolled by {roll}°", seeds(scenario, 1))
 
 
 def impact():
     """Impacts at 4 m/s with the step `auto` and with a step of 15 µs, the same seeds."""
     orientations = {"tail": {"pitch_deg": 90}, "side": {"roll_deg": 90}, "flat": {}}
-    for radius, seeds in ((7, 8), (6, 8), (5, 5), (4, 6)):
+    for radius, count in ((7, 8), (6, 8), (5, 5), (4, 6)):
         for name, angles in orientations.items():
-            for step in ("auto", 15e-6):
-                drop = {"speed_m_s": 4, "scatter_deg": 3, **angles}
+            for step in (15e-6, "auto"):
                 scenario = {
                     "experiment": "drop",
                     "product": {"count": 12, "subparticle_radius_m": radius / 1e3},
-                    "drop": drop,
+                    "drop": {"speed_m_s": 4, "scatter_deg": 3, **angles},
                     "numerics": {"timestep_s": step},
                 }
-                yield f"{radius} mm, {name}, {step if step == 'auto' else '15 µs'}", scenario, seeds
+                label, short = (f"{radius} mm, {name}, {words}" for words in ("auto", "15 µs"))
+                yield Case(label, seeds(scenario, count), (short,)) if step == "auto" else Case(short, seeds(scenario, count))
+
+
+def slide():
+    """Slide angles of three sizes and six headings, over the moments of bonds."""
+    places = [(size, heading) for size in (1, 2, 3) for heading in (0, 30, 45, 60, 90, 180)]
+    for radius in (4, 5, 6):
+        for friction in (0.37, 0.6):
+            for factor in (0, 0.25, 1):
+                scenarios = {
+                    f"size {size}, {heading}°": {
+                        "experiment": "slide",
+                        "product": {"shape": 2 * (size - 1), "subparticle_radius_m": radius / 1e3},
+                        "bonds": {"moment_stiffness_factor": factor},
+                        "contact": {"fillet_equipment": {"static_friction": friction}},
+                        "slide": {"yaw_deg": heading},
+                        "numerics": {"timestep_s": "auto"},
+                    }
+                    for size, heading in places
+                }
+                yield Case(f"{radius} mm, μ = {friction}, f = {factor}", scenarios)
+
+
+def bend():
+    """Bend angles of size 2 over a bar of 20 mm, over the moments of bonds."""
+    for radius in (4, 6):
+        for factor in (0, 0.1, 0.25, 0.5, 1, 2):
+            scenario = {
+                "experiment": "bend",
+                "product": {"shape": 2, "subparticle_radius_m": radius / 1e3},
+                "bonds": {"moment_stiffness_factor": factor},
+                "numerics": {"timestep_s": "auto"},
+            }
+            yield Case(f"{radius} mm, f = {factor}", seeds(scenario, 1))
 
 
 def belt():
@@ -83,30 +172,79 @@ def belt():
                 "bonds": {"moment_stiffness_factor": factor},
                 "numerics": {"stop": {"when_jammed_s": 2.5}},
             }
-            yield f"belt friction {friction}, f = {factor}", merged(bed(6, 4.2), over), 5
+            against = (f"belt friction {friction}, f = 0",) if factor else ()
+            yield Case(f"belt friction {friction}, f = {factor}", seeds(merged(bed(6, 4.2), over), 5), against)
 
 
-# For each study its cases, the responses that it reports, and whether each second case is compared with the one before it.
-STUDIES = {
-    "lattice": (lattice, ["modulus_lattice_pa"], False),
-    "fill": (fill, ["interpenetrated_fraction", "bulk_density_kg_m3"], False),
-    "impact": (impact, ["settle_time_s", "bonds_intact_fraction"], True),
-    "belt": (belt, ["mean_rate_kg_s", "discharged_kg_at_4s", "regime"], True),
-}
+def silo():
+    """Rates of the silo of solver/tests/silo; a scenario holds the options of silo.py, and the windows in which it fits the rate."""
+    small = {"spheres": 50_000, "diameter": 0.004, "fill-seconds": 0.4}
+    large = {"spheres": 2500, "diameter": 0.01, "fill-seconds": 0.3}
+    finer = {**large, "step-share": 0.25}
+    large_windows, small_windows = ((0.1, 0.4),), ((0.1, 0.3), (0.2, 0.6))
+    for label, options, megapascals, seconds, windows, count, against in (
+        ("10 mm, 10 MPa", large, 10, 0.45, large_windows, 8, ()),
+        ("10 mm, 10 MPa, a quarter of the time step", finer, 10, 0.45, large_windows, 6, ("10 mm, 10 MPa",)),
+        ("10 mm, 100 MPa", large, 100, 0.45, large_windows, 3, ("10 mm, 10 MPa",)),
+        ("4 mm, 10 MPa", small, 10, 0.65, small_windows, 3, ()),
+        ("4 mm, 100 MPa", small, 100, 0.35, small_windows[:1], 3, ("4 mm, 10 MPa",)),
+    ):
+        scenario = {"fill": {**options, "modulus": megapascals * 1e6}, "seconds": seconds, "windows": windows}
+        yield Case(label, seeds(scenario, count), against)
 
 
 def simulate(roost, folder, scenario):
-    """The result of a scenario, from an earlier call if there is one."""
-    name = f"{hash_of(scenario):016x}"
-    result = folder / name / "result.json"
+    """Responses of a scenario and the revision of the solver, from an earlier call if there is one."""
+    result = folder / "result.json"
     # A simulation that was stopped leaves a result too.
     if not result.exists() or json.loads(result.read_text())["end_reason"] == "cancelled":
-        (folder / name).mkdir(parents=True, exist_ok=True)
-        document = folder / name / "scenario.json"
+        document = folder / "scenario.json"
         document.write_text(json.dumps(scenario))
-        command = [roost, "run", "--backend", "cpu", "--threads", "1", "-o", folder / name, document]
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    return json.loads(result.read_text())
+        run(roost, document, folder)
+    found = json.loads(result.read_text())
+    return found["responses"], found["solver"]["revision"]
+
+
+def empty_silo(roost, folder, options):
+    """The same for a silo: the lid opens over spheres at rest."""
+
+    def step(name, **flags):
+        command = [sys.executable, SILO, name, folder, *(f"--{flag}={value}" for flag, value in flags.items())]
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
+    if not (folder / "open/result.json").exists():
+        step("fill", seed=options["seed"], **options["fill"])
+        run(roost, folder / "fill.json", folder / "fill")
+        step("open", seconds=options["seconds"])
+        run(roost, folder / "open.json", folder / "open")
+    windows = {f"rate from {start} to {end} s": {"from": start, "to": end} for start, end in options["windows"]}
+    rates = {name: float(step("rate", **window).split()[1]) for name, window in windows.items()}
+    return rates, json.loads((folder / "open/result.json").read_text())["solver"]["revision"]
+
+
+def run(roost, document, output):
+    """`roost run`, on one thread."""
+    command = [roost, "run", "--backend", "cpu", "--threads", "1", "-o", output, document]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+# For each study its cases, the responses that it reports, and how it runs a scenario.
+STUDIES = {
+    "lattice": (lattice, ["modulus_lattice_pa"], simulate),
+    "radius": (radius, ["mean_rate_kg_s", "discharged_kg_at_4s", "bulk_density_kg_m3"], simulate),
+    "gates": (
+        gates,
+        ["mean_rate_kg_s", "discharged_kg_at_4s", "lowest_rate_ratio", "bonds_intact_fraction", "regime"],
+        simulate,
+    ),
+    "fill": (fill, ["interpenetrated_fraction", "bulk_density_kg_m3"], simulate),
+    "dropped": (dropped, ["interpenetrated_fraction"], simulate),
+    "impact": (impact, ["settle_time_s", "bonds_intact_fraction"], simulate),
+    "slide": (slide, ["critical_angle_deg", "rolled_over"], simulate),
+    "bend": (bend, ["bend_angle_deg", "bonds_intact_fraction"], simulate),
+    "belt": (belt, ["mean_rate_kg_s", "discharged_kg_at_4s", "regime"], simulate),
+    "silo": (silo, ["rate from 0.1 to 0.3 s", "rate from 0.2 to 0.6 s", "rate from 0.1 to 0.4 s"], empty_silo),
+}
 
 
 def hash_of(scenario):
@@ -116,23 +254,31 @@ def hash_of(scenario):
 
 
 def cell(values):
-    """Mean with its 95 % interval and n, or the words with their numbers."""
+    """Mean with its 95 % interval, n and range, or the words with their numbers."""
     values = [value for value in values if value is not None]
     if not values:
         return "–"
-    if isinstance(values[0], str):
+    if isinstance(values[0], (str, bool)):
         return ", ".join(f"{word} ({values.count(word)})" for word in sorted(set(values)))
     mean, n = statistics.fmean(values), len(values)
     if n == 1:
         return f"{mean:.4g} (n = 1)"
     half = T[n - 2] * statistics.stdev(values) / math.sqrt(n)
-    return f"{mean:.4g} ± {half:.2g} (n = {n})"
+    return f"{mean:.4g} ± {half:.2g} (n = {n}, {min(values):.4g} to {max(values):.4g})"
 
 
-def seed_by_seed(first, second):
-    """Differences of the numbers of two cases with the same seeds."""
-    pairs = zip(first, second)
-    return [a - b for a, b in pairs if isinstance(a, (int, float)) and isinstance(b, (int, float))]
+def pairwise(operation, of, against):
+    """The operation on the numbers of two cases, replicate by replicate."""
+    pairs = [(of[replicate], against[replicate]) for replicate in of if replicate in against]
+    return [operation(a, b) for a, b in pairs if type(a) in (int, float) and type(b) in (int, float)]
+
+
+def difference(a, b):
+    return a - b
+
+
+def quotient(a, b):
+    return a / b if b else None
 
 
 def main():
@@ -140,30 +286,52 @@ def main():
     arguments.add_argument("study", choices=STUDIES)
     arguments.add_argument("--roost", default="target/debug/roost")
     arguments.add_argument("--output", type=pathlib.Path, required=True)
+    arguments.add_argument("--at-most", type=int, help="simulations of each case; all by default")
     arguments.add_argument("--csv", type=pathlib.Path)
     given = arguments.parse_args()
-    cases, responses, compares = STUDIES[given.study]
-    folder = given.output / given.study
-    print(f"| {given.study} | " + " | ".join(responses) + " |\n" + "|---" * (len(responses) + 1) + "|", flush=True)
+    cases, responses, run_one = STUDIES[given.study]
+
+    def print_row(label, cells):
+        print(f"| {label} | " + " | ".join(cells) + " |", flush=True)
+
+    print_row(given.study, responses)
+    print("|---" * (len(responses) + 1) + "|", flush=True)
     rows, earlier = [], {}
-    for number, (label, scenario, seeds) in enumerate(cases()):
-        found = {name: [] for name in responses}
-        for seed in range(1, seeds + 1):
-            result = simulate(given.roost, folder, {**scenario, "seed": seed})
+    for case in cases():
+        found = {name: {} for name in responses}
+        for replicate, scenario in list(case.scenarios.items())[: given.at_most]:
+            folder = given.output / f"{hash_of(scenario):016x}"
+            folder.mkdir(parents=True, exist_ok=True)
+            values, revision = run_one(given.roost, folder, scenario)
             for name in responses:
-                value = result["responses"].get(name)
-                found[name].append(value)
-                rows.append([given.study, label, seed, name, value, result["solver"]["revision"]])
-        print(f"| {label} | " + " | ".join(cell(found[name]) for name in responses) + " |", flush=True)
-        if compares and number % 2 == 1:
-            differences = (cell(seed_by_seed(earlier[name], found[name])) for name in responses)
-            print("| first less second, seed by seed | " + " | ".join(differences) + " |", flush=True)
-        earlier = found
+                found[name][replicate] = values.get(name)
+                if name in values:
+                    rows.append([given.study, case.label, replicate, name, values[name], revision])
+        print_row(case.label, [cell(found[name].values()) for name in responses])
+        for label in case.against:
+            for words, operation in (("less", difference), ("over", quotient)):
+                compared = (cell(pairwise(operation, found[name], earlier[label][name])) for name in responses)
+                print_row(f"the same, {words} {label}", compared)
+        earlier[case.label] = found
     if given.csv:
-        is_new = not given.csv.exists()
-        with given.csv.open("a", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerows([["study", "case", "seed", "response", "value", "solver_revision"]] * is_new + rows)
+        replace(given.csv, rows)
+
+
+def replace(path, rows):
+    """Writes the rows of a study into a file, in place of its earlier ones of the same revision of the solver."""
+
+    def kind(row):
+        return row[0], int(row[-1])
+
+    others = []
+    if path.exists():
+        replaced = {kind(row) for row in rows}
+        with path.open(newline="") as file:
+            others = [row for row in list(csv.reader(file))[1:] if kind(row) not in replaced]
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["study", "case", "replicate", "response", "value", "solver_revision"])
+        writer.writerows(others + rows)
 
 
 main()

@@ -3,7 +3,7 @@
 
 Writes the silo as STL, the scenarios of Roost, and the input of LAMMPS for the same start. See README.md for the steps.
 
-  silo.py fill DIR [--spheres N] [--diameter M] [--modulus PA] [--orifice M] [--seed S]
+  silo.py fill DIR [--spheres N] [--diameter M] [--modulus PA] [--orifice M] [--seed S] [--step-share X]
   silo.py open DIR [--seconds S]       after `roost run DIR/fill.json -o DIR/fill`
   silo.py rate DIR [--from S] [--to S] after `roost run DIR/open.json -o DIR/open`, or LAMMPS
 """
@@ -19,8 +19,8 @@ DENSITY, E_SPHERES, MU_SPHERES, E_STEEL, MU_STEEL = 2500.0, 0.5, 0.3, 0.4, 0.2
 
 
 def timestep(case):
-    """The benchmark's step for M1, 1.5 us at d = 4 mm and 1 GPa, in the same relation to the Rayleigh time."""
-    return 1.5e-6 * case["diameter"] / 0.004 * math.sqrt(1e9 / case["modulus"])
+    """The benchmark's step for M1, 1.5 us at d = 4 mm and 1 GPa, in the same relation to the Rayleigh time, times a share."""
+    return case["step_share"] * 1.5e-6 * case["diameter"] / 0.004 * math.sqrt(1e9 / case["modulus"])
 
 
 def ring(radius, z):
@@ -148,6 +148,7 @@ parser.add_argument("--diameter", type=float, default=0.004)
 parser.add_argument("--modulus", type=float, default=1e7)
 parser.add_argument("--orifice", type=float, default=0.06, choices=sorted(FUNNELS))
 parser.add_argument("--seed", type=int, default=1)
+parser.add_argument("--step-share", type=float, default=1.0, help="of the benchmark's time step")
 parser.add_argument("--fill-seconds", type=float, default=0.4)
 parser.add_argument("--seconds", type=float, default=0.7)
 parser.add_argument("--from", type=float, default=0.2, dest="start")
@@ -156,7 +157,7 @@ args = parser.parse_args()
 if args.step == "fill":
     args.folder.mkdir(parents=True, exist_ok=True)
     fill({"spheres": args.spheres, "diameter": args.diameter, "modulus": args.modulus, "orifice": args.orifice,
-          "seed": args.seed, "fill_s": args.fill_seconds}, args.folder)
+          "seed": args.seed, "step_share": args.step_share, "fill_s": args.fill_seconds}, args.folder)
 else:
     case = json.loads((args.folder / "case.json").read_text())
     if args.step == "open":
