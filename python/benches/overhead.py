@@ -1,6 +1,6 @@
 """Measures `roost.run` beside the command `roost run`, and small runs in thread pools. It needs a machine without other load.
 
-`python3 python/benches/overhead.py` takes about four minutes on two cores, and prints the rows of docs/performance.md. Package and command
+`python3 python/benches/overhead.py` takes about three minutes on two cores, and prints the rows of docs/performance.md. Package and command
 must come from the same wheel: it takes the command of the environment of this interpreter, or that of the variable ROOST_COMMAND.
 """
 
@@ -47,11 +47,11 @@ def command() -> str:
     return path
 
 
-def timed(call: Callable[[], Any]) -> tuple[float, Any]:
-    """Wall time of a call in seconds, and its value."""
-    started = time.perf_counter()
+def timed(call: Callable[[], Any]) -> tuple[float, float, Any]:
+    """Wall time and processor time of a call in seconds, with that of the processes that it starts, and its value."""
+    wall_s, processor_s = time.perf_counter(), sum(os.times()[:4])
     value = call()
-    return time.perf_counter() - started, value
+    return time.perf_counter() - wall_s, sum(os.times()[:4]) - processor_s, value
 
 
 def spread(ratios: Sequence[float]) -> str:
@@ -67,29 +67,26 @@ def pairs(fields: Fields, threads: int, count: int, folder: Path) -> None:
     arguments = [command(), "run", str(file), "--output", str(folder / "out"), "--backend", "cpu"]
     arguments += ["--threads", str(threads), "--no-shared-fill"]
 
-    def here() -> tuple[float, float]:
-        wall_s, result = timed(lambda: roost.run(file, threads=threads, progress=False))
-        return wall_s, result.wall_s
+    def here() -> tuple[float, float, float]:
+        wall_s, processor_s, result = timed(lambda: roost.run(file, threads=threads, progress=False))
+        return wall_s, processor_s, result.wall_s
 
-    def there() -> tuple[float, float]:
-        wall_s, _ = timed(lambda: subprocess.run(arguments, capture_output=True, check=True))
-        return wall_s, roost.Result.load(folder / "out/result.json").wall_s
+    def there() -> tuple[float, float, float]:
+        wall_s, processor_s, _ = timed(lambda: subprocess.run(arguments, capture_output=True, check=True))
+        return wall_s, processor_s, roost.Result.load(folder / "out/result.json").wall_s
 
     here()
-    calls: list[float] = []
-    solvers: list[float] = []
-    times: list[tuple[float, float]] = []
+    package: list[tuple[float, float, float]] = []
+    beside: list[tuple[float, float, float]] = []
     for pair in range(count):
-        if pair % 2:
-            second, first = there(), here()
-        else:
-            first, second = here(), there()
-        calls.append(first[0] / second[0])
-        solvers.append(first[1] / second[1])
-        times.append((first[0], second[0]))
-    medians = [median(column) for column in zip(*times)]
+        turns = [(package, here), (beside, there)]
+        for times, measure in reversed(turns) if pair % 2 else turns:
+            times.append(measure())
+    # Wall time, processor time, and the wall time of the solver alone. The system counts processor time in hundredths of a second.
+    ratios = [spread([a / b for a, b in zip(*column) if b]) for column in zip(zip(*package), zip(*beside))]
     name = f"{fields['product']['count']} fillets, {threads} thread{'s' if threads > 1 else ''}"
-    print(f"| {name} | {medians[0]:.3f} | {medians[1]:.3f} | {spread(calls)} | {spread(solvers)} |", flush=True)
+    walls = [f"{median(row[0] for row in rows):.3f}" for rows in (package, beside)]
+    print(f"| {name} | {' | '.join([*walls, *ratios])} |", flush=True)
 
 
 def pools(runs: int, turns: int) -> None:
@@ -117,7 +114,7 @@ def main() -> None:
     given = parser.parse_args()
     load = f"{os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else "unknown"
     print(f"roost {roost.__version__}, solver revision {roost.SOLVER_REVISION}, {os.cpu_count()} processors, load {load}")
-    print("| simulation | roost.run (s) | roost run (s) | ratio | ratio of the solvers |\n|---|---|---|---|---|")
+    print("| simulation | roost.run (s) | roost run (s) | ratio | processor time | solver alone |\n|---|---|---|---|---|---|")
     with TemporaryDirectory() as folder:
         pairs(SMALL, 1, 2 * given.pairs, Path(folder))
         pairs(SLICE, 1, given.pairs, Path(folder))

@@ -61,10 +61,13 @@ def test_the_files_are_those_of_the_command(roost_run: Callable[..., Fields], tm
 def test_ctrl_c_leaves_complete_frames(tmp_path: Path) -> None:
     arguments = [sys.executable, "-c", SCRIPT, json.dumps(slow_hopper(500.0)), str(tmp_path / "frames")]
     process = subprocess.Popen(arguments, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert process.stdout is not None
-    assert process.stdout.readline() == "under way\n"
-    process.send_signal(signal.SIGINT)
-    output, errors = process.communicate(timeout=60)
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "under way\n"
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
     assert process.returncode == 3, errors
     folder = Path(output.splitlines()[-1])
     stream = (folder / "run.roostframes").read_bytes()
