@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use roost_api::frames::FramesOrder;
 use roost_frames::{Options, Recorder, STREAM};
@@ -17,8 +18,9 @@ use crate::client::RecordedFrames;
 use crate::outbox::Delivery;
 use crate::runner::FrameObserver;
 
-/// Failures of an upload, while the server answers, before the result goes without frames.
-const MAX_TRIES: u32 = 5;
+/// Time in which an upload may fail, while the server answers, before the result goes without frames. A bucket of the server may be out of
+/// order for some minutes.
+const PATIENCE: Duration = Duration::from_secs(600);
 
 /// The frames of a running job.
 #[derive(Debug)]
@@ -71,18 +73,19 @@ impl Recording {
     }
 }
 
-/// The number of failures of each upload.
+/// The failures of uploads.
 #[derive(Debug, Default)]
 pub(super) struct Uploads {
-    /// [`MAX_TRIES`] once an upload is done.
-    failures: Mutex<HashMap<AttemptKey, u32>>,
+    /// When each upload failed first; none once it is done.
+    failing: Mutex<HashMap<AttemptKey, Option<Instant>>>,
     has_given_up: AtomicBool,
 }
 
 impl Uploads {
-    /// Whether an upload is done or has failed too often.
+    /// Whether an upload is done or has failed for too long.
     fn is_over(&self, key: AttemptKey) -> bool {
-        self.has_given_up.load(Relaxed) || self.lock().get(&key).is_some_and(|failed| *failed >= MAX_TRIES)
+        let is_over = |failing: &Option<Instant>| failing.is_none_or(|since| since.elapsed() > PATIENCE);
+        self.has_given_up.load(Relaxed) || self.lock().get(&key).is_some_and(is_over)
     }
 
     /// Delivers all further results without frames.
@@ -91,11 +94,11 @@ impl Uploads {
     }
 
     fn done(&self, key: AttemptKey) {
-        self.lock().insert(key, MAX_TRIES);
+        self.lock().insert(key, None);
     }
 
     fn failed(&self, key: AttemptKey) {
-        *self.lock().entry(key).or_default() += 1;
+        self.lock().entry(key).or_insert_with(|| Some(Instant::now()));
     }
 
     /// Forgets an attempt after its delivery.
@@ -103,8 +106,8 @@ impl Uploads {
         self.lock().remove(&key);
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, HashMap<AttemptKey, u32>> {
-        self.failures.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> std::sync::MutexGuard<'_, HashMap<AttemptKey, Option<Instant>>> {
+        self.failing.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -119,12 +122,16 @@ pub(super) async fn upload(session: &Session, delivery: &Delivery, path: &Path) 
     match sent.await {
         Ok(()) => session.uploads.done(key),
         Err(error) if error.is_transient() => {
-            // Count no failure while the server does not answer.
+            // No failure counts while the server does not answer.
             if session.client.is_reachable().await {
                 session.uploads.failed(key);
             }
-            tracing::debug!(%error, "frames were not uploaded");
-            return session.uploads.is_over(key);
+            let is_over = session.uploads.is_over(key);
+            tracing::debug!(%error, is_over, "frames were not uploaded");
+            if is_over {
+                tracing::warn!(job = %key.0, attempt = key.1, "the result is delivered without its frames");
+            }
+            return is_over;
         }
         // The delivery reports a refused token.
         Err(error) if error.is_access_refused() => return true,
@@ -134,4 +141,30 @@ pub(super) async fn upload(session: &Session, delivery: &Delivery, path: &Path) 
         }
     }
     true
+}
+
+#[cfg(test)]
+mod tests {
+    use roost_api::ids::JobId;
+
+    use super::*;
+
+    #[test]
+    fn an_upload_is_over_when_it_is_done_or_has_failed_for_long() {
+        let (uploads, key) = (Uploads::default(), (JobId::new(), 1));
+        for _ in 0..100 {
+            uploads.failed(key);
+        }
+        assert!(!uploads.is_over(key), "a bucket may be out of order for minutes");
+        let Some(long_ago) = Instant::now().checked_sub(PATIENCE + Duration::from_secs(1)) else {
+            return; // the machine has just started
+        };
+        uploads.lock().insert(key, Some(long_ago));
+        uploads.failed(key);
+        assert!(uploads.is_over(key), "the first failure counts");
+        uploads.forget(key);
+        assert!(!uploads.is_over(key));
+        uploads.done(key);
+        assert!(uploads.is_over(key));
+    }
 }
