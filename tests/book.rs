@@ -273,6 +273,26 @@ fn a_server_is_backed_up_and_gets_a_new_token() {
 }
 
 #[test]
+fn a_lost_disk_is_replaced_by_a_backup() {
+    let sandbox = Sandbox::new();
+    let data = sandbox.path("data").display().to_string();
+    let job = {
+        let _server = sandbox.start_server();
+        let _worker = sandbox.start_worker("worker");
+        let job = sandbox.submit(&support::hopper_scenario(0.05));
+        sandbox.wait_for_job(&job, "it ends", |job| job.state == roost_api::job::JobState::Succeeded);
+        let backup = sandbox.path("backup").display().to_string();
+        support::stdout(&support::run(&["backup", &backup, "--data", &data]));
+        job
+    };
+    let replaced = [("backups/2026-03-01", "backup")];
+    run(&sandbox, "docs/howto/operate.md", "a_lost_disk_is_replaced_by_a_backup", &replaced, "");
+    let _server = sandbox.start_server();
+    let restored = sandbox.get(&format!("/v1/jobs/{}", job.id));
+    assert_eq!(restored["state"], "succeeded", "{restored}");
+}
+
+#[test]
 fn a_client_submits_and_reads() {
     let sandbox = sandbox_with_sweep_file();
     let _server = sandbox.start_server();
