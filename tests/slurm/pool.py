@@ -34,8 +34,13 @@ POOL = ["pool", "slurm", "--token-file", str(FOLDER / "pool.token"), "--backlog"
 
 def get(path):
     request = urllib.request.Request(SERVER + path, headers={"authorization": f"Bearer {TOKEN}"})
-    with urllib.request.urlopen(request, timeout=30) as answer:
-        return json.load(answer)
+    for tries_left in reversed(range(5)):
+        try:
+            with urllib.request.urlopen(request, timeout=30) as answer:
+                return json.load(answer)
+        except OSError:  # a busy machine
+            if not tries_left:
+                raise
 
 
 def roost(*words):
