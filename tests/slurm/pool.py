@@ -38,9 +38,10 @@ def get(path):
         try:
             with urllib.request.urlopen(request, timeout=30) as answer:
                 return json.load(answer)
-        except OSError:  # a busy machine
-            if not tries_left:
+        except OSError as error:  # a busy machine may need longer; every other failure is a fault
+            if not tries_left or not isinstance(getattr(error, "reason", error), TimeoutError):
                 raise
+            time.sleep(2)
 
 
 def roost(*words):
