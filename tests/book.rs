@@ -88,6 +88,18 @@ fn wrong_mark_is_reported() {
 
 /// Runs the blocks of a page that name this test, in their order, with words replaced. `before` runs first.
 fn run(sandbox: &Sandbox, page: &str, test: &str, replaced: &[(&str, &str)], before: &str) {
+    let output = output_of(sandbox, page, test, replaced, before);
+    assert!(output.status.success(), "{page}: {}", support::transcript(&output));
+}
+
+/// The output of the same.
+fn output_of(
+    sandbox: &Sandbox,
+    page: &str,
+    test: &str,
+    replaced: &[(&str, &str)],
+    before: &str,
+) -> std::process::Output {
     let text = std::fs::read_to_string(root().join(page)).unwrap();
     let mark = format!("<!-- tested by tests/book.rs: {test} -->");
     let own = blocks(&text).into_iter().filter(|block| block.mark == mark);
@@ -99,14 +111,13 @@ fn run(sandbox: &Sandbox, page: &str, test: &str, replaced: &[(&str, &str)], bef
     }
     let bin = Path::new(env!("CARGO_BIN_EXE_roost")).parent().unwrap();
     let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
-    let output = Command::new("bash")
+    Command::new("bash")
         .args(["-c", &format!("set -euo pipefail\n{before}\n{shell}")])
         .current_dir(sandbox.folder.path())
         .env("PATH", path)
         .env("ROOST_SERVER", &sandbox.address)
         .output()
-        .unwrap();
-    assert!(output.status.success(), "{page}: {}", support::transcript(&output));
+        .unwrap()
 }
 
 /// The hopper of the pages, coarser and with fewer fillets.
@@ -270,6 +281,54 @@ fn a_server_is_backed_up_and_gets_a_new_token() {
     let valid: Vec<_> = tokens.iter().filter(|token| token["revoked_at"].is_null()).collect();
     assert_eq!((tokens.len(), valid.len()), (2, 1));
     assert_eq!(valid[0]["name"], "workers-2");
+}
+
+#[test]
+fn old_backups_are_deleted_after_a_new_one_only() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let old = sandbox.path("kept/2020-01-01");
+    std::fs::create_dir_all(&old).unwrap();
+    let try_with = |data: &str, copies: &str| {
+        // The script itself must stop at a failure.
+        let before =
+            format!("touch -t 202001010000 kept/2020-01-01\nrsync() {{ {copies}; }}\nset +euo pipefail");
+        let words = [
+            ("backups=/srv/roost-backups", "backups=kept"),
+            ("/usr/local/bin/roost", "roost"),
+            ("/var/lib/roost-server", data),
+        ];
+        let test = "old_backups_are_deleted_after_a_new_one_only";
+        output_of(&sandbox, "docs/howto/operate.md", test, &words, &before).status.success()
+    };
+    assert!(!try_with("missing", "true") && old.exists(), "no backup");
+    assert!(!try_with("data", "false") && old.exists(), "no copy on the other machine");
+    let made = || std::fs::read_dir(sandbox.path("kept")).unwrap().map(|entry| entry.unwrap().path());
+    for backup in made().filter(|path| *path != old) {
+        std::fs::remove_dir_all(backup).unwrap();
+    }
+    assert!(try_with("data", "true") && !old.exists());
+    assert!(made().all(|path| path.join("roost.db").exists()) && made().count() == 1);
+}
+
+#[test]
+fn a_lost_disk_is_replaced_by_a_backup() {
+    let sandbox = Sandbox::new();
+    let data = sandbox.path("data").display().to_string();
+    let job = {
+        let _server = sandbox.start_server();
+        let _worker = sandbox.start_worker("worker");
+        let job = sandbox.submit(&support::hopper_scenario(0.05));
+        sandbox.wait_for_job(&job, "it ends", |job| job.state == roost_api::job::JobState::Succeeded);
+        let backup = sandbox.path("backup").display().to_string();
+        support::stdout(&support::run(&["backup", &backup, "--data", &data]));
+        job
+    };
+    let replaced = [("backups/2026-03-01", "backup")];
+    run(&sandbox, "docs/howto/operate.md", "a_lost_disk_is_replaced_by_a_backup", &replaced, "");
+    let _server = sandbox.start_server();
+    let restored = sandbox.get(&format!("/v1/jobs/{}", job.id));
+    assert_eq!(restored["state"], "succeeded", "{restored}");
 }
 
 #[test]

@@ -6,6 +6,7 @@
 #
 # Requires Python 3.11 with venv, and the network once: the packages come from PyPI into target/kubernetes. Where `kubectl` or `kustomize`
 # is installed, the result of each kustomization is checked as well. No cluster is used.
+# The program kubeconform is not used: neither PyPI, npm, crates.io nor Debian 12 has it.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 venv=target/kubernetes/venv

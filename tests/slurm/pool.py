@@ -34,8 +34,14 @@ POOL = ["pool", "slurm", "--token-file", str(FOLDER / "pool.token"), "--backlog"
 
 def get(path):
     request = urllib.request.Request(SERVER + path, headers={"authorization": f"Bearer {TOKEN}"})
-    with urllib.request.urlopen(request, timeout=30) as answer:
-        return json.load(answer)
+    for tries_left in reversed(range(5)):
+        try:
+            with urllib.request.urlopen(request, timeout=30) as answer:
+                return json.load(answer)
+        except OSError as error:  # a busy machine may need longer; every other failure is a fault
+            if not tries_left or not isinstance(getattr(error, "reason", error), TimeoutError):
+                raise
+            time.sleep(2)
 
 
 def roost(*words):

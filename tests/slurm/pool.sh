@@ -3,7 +3,7 @@
 # All 200 results must be there, and no simulated second may be computed twice but those after the last checkpoint.
 #
 #   tests/slurm/pool.sh          200 jobs; some ten minutes on two cores
-#   JOBS=40 ROOST=… tests/slurm/pool.sh     fewer jobs, another binary
+#   JOBS=30 DURATION_S=3 ROOST=… tests/slurm/pool.sh     fewer and shorter jobs, another binary
 #
 # Wants root (slurmd), Debian's slurm-wlm and munge, curl and Python 3. Everything is in a temporary folder, and ends with the script.
 set -euo pipefail

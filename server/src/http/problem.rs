@@ -129,6 +129,10 @@ impl From<StoreError> for ApiError {
                 ProblemKind::StorageFull,
                 "the disk of the server's data directory is full: nothing changed; the operator must free space",
             ),
+            (None, StoreError::Object(_)) => Self::new(
+                ProblemKind::Unavailable,
+                "the server could not store or read an object: try again later; the server's log states the reason",
+            ),
             (None, error) if error.is_stopping() => {
                 Self::new(ProblemKind::Unavailable, "the server is stopping: try again later")
             }

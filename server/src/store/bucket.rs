@@ -58,12 +58,22 @@ impl Bucket {
     /// Opens it with credentials, region and endpoint from the environment.
     #[cfg(feature = "s3")]
     pub(super) fn open(&self) -> Result<Arc<dyn ObjectStore>, StoreError> {
+        use std::time::Duration;
+
         use object_store::aws::AmazonS3Builder;
         use object_store::prefix::PrefixStore;
+        use object_store::{BackoffConfig, RetryConfig};
+
+        // The default gives up after two seconds without an answer. A client of the server waits longer.
+        let retry = RetryConfig {
+            backoff: BackoffConfig { max_backoff: Duration::from_secs(3), ..BackoffConfig::default() },
+            max_retries: 1000,
+            retry_timeout: Duration::from_secs(20),
+        };
 
         // The TLS provider is chosen once per process: the error of a second choice does no harm.
         let _ = rustls::crypto::ring::default_provider().install_default();
-        let bucket = AmazonS3Builder::from_env().with_bucket_name(&self.name).build();
+        let bucket = AmazonS3Builder::from_env().with_bucket_name(&self.name).with_retry(retry).build();
         let bucket = bucket.map_err(|source| self.unusable(source))?;
         Ok(Arc::new(PrefixStore::new(bucket, self.prefix.as_str())))
     }

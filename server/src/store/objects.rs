@@ -85,16 +85,18 @@ impl Objects {
         Ok(Self { files, part_bytes: PART_BYTES, removals: RwLock::default() })
     }
 
-    /// Fails here if the bucket cannot be reached, and not at the first upload.
+    /// Fails here if the bucket cannot be reached or written, and not at the first upload.
     async fn in_bucket(bucket: &Bucket) -> Result<Self, StoreError> {
         let files = bucket.open()?;
+        let trial = ObjectPath::from(format!("{UPLOADS}/{}", Uuid::now_v7()));
+        files.put(&trial, Bytes::new().into()).await.map_err(|source| bucket.unusable(source))?;
         let broken: Vec<_> = files
             .list(Some(&ObjectPath::from(UPLOADS)))
             .try_collect()
             .await
             .map_err(|source| bucket.unusable(source))?;
         for upload in broken {
-            files.delete(&upload.location).await?;
+            files.delete(&upload.location).await.map_err(|source| bucket.unusable(source))?;
         }
         Ok(Self { files, part_bytes: BUCKET_PART_BYTES, removals: RwLock::default() })
     }

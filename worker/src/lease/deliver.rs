@@ -64,11 +64,15 @@ pub(super) async fn deliver_waiting(session: &Session) -> io::Result<bool> {
     let outbox = session.outbox.clone();
     let (mut is_empty, mut has_warned) = (true, false);
     let mut paths = VecDeque::from(on_disk(move || outbox.waiting()).await?);
+    // A pass ends its uploads after a failure: each upload has its turn to be the first.
+    let first = session.uploads.failures() % paths.len().max(1);
+    paths.rotate_left(first);
+    let mut uploads = frames::Pass::default();
     while let Some(path) = paths.pop_front() {
         let (outbox, from) = (session.outbox.clone(), path.clone());
         let Some(delivery) = on_disk(move || outbox.read(&from)).await? else { continue };
         let key = (delivery.job_id, delivery.attempt);
-        if !frames::upload(session, &delivery, &path).await {
+        if !frames::upload(session, &delivery, &path, &mut uploads).await {
             is_empty = false;
             continue;
         }
@@ -124,6 +128,7 @@ mod tests {
 
     use super::*;
     use crate::WorkerConfig;
+    use crate::client::RecordedFrames;
     use crate::client::tests::{answering, answering_by};
     use crate::outbox::Content;
 
@@ -186,6 +191,54 @@ mod tests {
             assert!(reports[0].contains(r#""outcome":"worker""#), "{status}: {}", reports[0]);
             assert!(reports[0].contains("refused the result: over 8 mib"), "{status}: {}", reports[0]);
         }
+    }
+
+    /// Adds deliveries to an outbox, with recorded frames or without.
+    async fn add_deliveries(session: &Session, with_frames: &[bool]) {
+        for has_frames in with_frames {
+            let job_id = roost_api::ids::JobId::new();
+            let folder = session.outbox.frames_folder(job_id, 1);
+            std::fs::create_dir(&folder).unwrap();
+            std::fs::write(folder.join(roost_frames::STREAM), "frames").unwrap();
+            let frames = has_frames.then_some(RecordedFrames { count: 1, stopped: None });
+            let content = Content::Failure(failure());
+            store(session, Delivery { job_id, attempt: 1, content, frames }).await;
+        }
+    }
+
+    fn failure() -> roost_api::lease::FailureReport {
+        roost_api::lease::FailureReport {
+            worker_id: roost_api::ids::WorkerId::new(),
+            outcome: AttemptOutcome::Worker,
+            message: "stopped".to_owned(),
+            result: None,
+        }
+    }
+
+    #[tokio::test]
+    async fn after_a_failed_upload_only_deliveries_without_frames_follow() {
+        let requests = Arc::new(Mutex::new(Vec::new()));
+        let seen = requests.clone();
+        let server = answering_by("application/json", move |request| {
+            let line = request.lines().next().unwrap().to_owned();
+            let is_upload = line.starts_with("put ");
+            seen.lock().unwrap().push(line);
+            (if is_upload { "503 Service Unavailable" } else { "200 OK" }.to_owned(), "{}".to_owned())
+        })
+        .await;
+        let (session, _folder) = session_with(&server, Content::Failure(failure())).await;
+        add_deliveries(&session, &[true, false, true, true, false]).await;
+        let mut first_uploads = std::collections::HashSet::new();
+        for _ in 0..3 {
+            requests.lock().unwrap().clear();
+            assert!(!deliver_waiting(&session).await.unwrap(), "three deliveries wait");
+            assert_eq!(session.outbox.waiting().unwrap().len(), 3);
+            let uploads: Vec<_> =
+                requests.lock().unwrap().iter().filter(|line| line.starts_with("put ")).cloned().collect();
+            assert_eq!(uploads.len(), 1, "{uploads:?}");
+            first_uploads.extend(uploads);
+        }
+        assert_eq!(first_uploads.len(), 3, "the uploads take turns: {first_uploads:?}");
     }
 
     #[tokio::test]
