@@ -133,8 +133,9 @@ def _share_of_point(summary: Summary, word: str | None) -> Share:
     """The share that the server has computed for a design point."""
     n = summary["n"]
     if word is None:
-        if summary.get("words"):
-            raise RoostError(f"word is missing; allowed: {', '.join(sorted(summary['words']))}")
+        words = summary.get("words")
+        if words:
+            raise RoostError(f"word is missing; allowed: {', '.join(sorted(words))}")
         share, low, high = summary.get("mean"), summary.get("low_95"), summary.get("high_95")
         if share is None or low is None or high is None:
             return Share.of(0, 0)
