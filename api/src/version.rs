@@ -14,4 +14,7 @@ pub struct VersionView {
     pub solver_revision: u32,
     /// Version of the SQLite library.
     pub sqlite: String,
+    /// Name and version of the database: SQLite or PostgreSQL.
+    #[serde(default)]
+    pub database: String,
 }

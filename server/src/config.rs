@@ -6,8 +6,9 @@ use std::time::Duration;
 
 use roost_solver::Limits;
 
+use crate::data::DATABASE;
 use crate::queue::RetryPolicy;
-use crate::store::Bucket;
+use crate::store::{Bucket, Location};
 
 /// The settings of a server.
 #[derive(Clone, Debug)]
@@ -16,6 +17,8 @@ pub struct ServerConfig {
     pub listen: SocketAddr,
     /// The data directory.
     pub data: PathBuf,
+    /// The database, if it is not a file in the data directory.
+    pub database: Option<Location>,
     /// Bucket for objects; without it they are in the data directory.
     pub objects: Option<Bucket>,
     /// Duration of a lease after a heartbeat.
@@ -62,11 +65,19 @@ pub struct ServerConfig {
     pub memory: Duration,
 }
 
+impl ServerConfig {
+    /// Where the database is.
+    pub(crate) fn place(&self) -> Location {
+        self.database.clone().unwrap_or_else(|| Location::File(self.data.join(DATABASE)))
+    }
+}
+
 impl Default for ServerConfig {
     fn default() -> Self {
         Self {
             listen: SocketAddr::from(([127, 0, 0, 1], 7373)),
             data: PathBuf::from("roost-data"),
+            database: None,
             objects: None,
             lease: Duration::from_secs(15),
             heartbeat: Duration::from_secs(2),

@@ -4,7 +4,7 @@ use std::fs::{File, OpenOptions};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::store::{BackupReport, OBJECTS, StoreError, TokenFile, copy};
+use crate::store::{BackupReport, Location, OBJECTS, StoreError, TokenFile, copy};
 
 /// The database in a data directory, and in a backup.
 pub(crate) const DATABASE: &str = "roost.db";
@@ -102,10 +102,15 @@ pub async fn tokens_in(data: &Path, create: bool) -> Result<TokenFile, DataError
     }
     match lock(data) {
         // Locked until the file is open: no server migrates the database meanwhile.
-        Ok(_lock) => Ok(TokenFile::open(&data.join(DATABASE), true).await?),
-        Err(DataError::InUse(_)) => Ok(TokenFile::open(&data.join(DATABASE), false).await?),
+        Ok(_lock) => Ok(TokenFile::open(&Location::File(data.join(DATABASE)), true).await?),
+        Err(DataError::InUse(_)) => Ok(TokenFile::open(&Location::File(data.join(DATABASE)), false).await?),
         Err(error) => Err(error),
     }
+}
+
+/// Opens the access tokens in a database of PostgreSQL, with or without a running server.
+pub async fn tokens_at(place: &Location) -> Result<TokenFile, DataError> {
+    Ok(TokenFile::open(place, true).await?)
 }
 
 /// Copies a data directory to another folder as of one moment, with or without a running server.

@@ -11,7 +11,7 @@
 //! | `study` | reads studies, and states their answers, pure |
 //! | `workbook` | writes tables for Excel |
 //! | `decider` | grows studies: a background task |
-//! | `store` | one SQLite file and the objects; the only module with sqlx |
+//! | `store` | the database, SQLite or PostgreSQL, and the objects; the only module with sqlx |
 //! | `reaper` | background tasks |
 //!
 //! `server/tests/server/layout.rs` and `imports.rs` check these rules, and that modules have no import cycle.
@@ -37,13 +37,13 @@ mod validation;
 mod workbook;
 
 pub use config::ServerConfig;
-pub use data::{DataError, backup, restore, tokens_in};
+pub use data::{DataError, backup, restore, tokens_at, tokens_in};
 pub use forecast::on_this_machine;
 pub use http::openapi;
 pub use measurements::{Lab, Target, TestTargets, read as read_measurements};
 pub use queue::{RetryLimit, RetryPolicy};
 pub use roost_solver::Limits;
 pub use server::{Server, ServerError};
-pub use store::{BackupReport, Bucket, BucketError, StoreError, TokenFile};
+pub use store::{BackupReport, Bucket, BucketError, Location, LocationError, StoreError, TokenFile};
 pub use sweep::posterior_columns;
 pub use validation::{is_measurements, is_study, is_sweep, validate};

@@ -15,7 +15,7 @@ use crate::config::ServerConfig;
 use crate::data::{self, DATABASE, DataError};
 use crate::queue::lease_end;
 use crate::state::{Access, App, AppState, Connections, MeshCache, Metrics};
-use crate::store::{Store, StoreError};
+use crate::store::{OBJECTS, Store, StoreError};
 use crate::{decider, http, process, reaper};
 
 /// Why a server did not start, or ended.
@@ -69,19 +69,21 @@ impl Server {
     /// lease.
     pub async fn bind(config: ServerConfig) -> Result<Self, ServerError> {
         let address = config.listen;
+        let is_new = config.database.is_none() && !config.data.join(DATABASE).exists();
         // Without a database there are no tokens: refuse before creating files.
-        if !address.ip().is_loopback() && !config.data.join(DATABASE).exists() {
+        if !address.ip().is_loopback() && is_new {
             return Err(ServerError::NotLoopback(address));
         }
         // The address first: a failure leaves no directory behind.
         let bind = async || listen(address).map_err(|source| ServerError::Bind { address, source });
         let listener = retry_in_use(bind).await?;
-        if !config.data.join(DATABASE).exists() {
+        if is_new {
             tracing::info!(data = %config.data.display(), "no database found: creating a new one");
         }
         let lock = retry_in_use(async || Ok(data::lock(&config.data)?)).await?;
         let address = listener.local_addr().map_err(|source| ServerError::Bind { address, source })?;
-        let store = Store::open(&config.data.join(DATABASE), config.objects.as_ref()).await?;
+        let place = config.place();
+        let store = Store::open(&place, &config.data.join(OBJECTS), config.objects.as_ref()).await?;
         let (tokens, is_loopback) = (store.tokens().await?, address.ip().is_loopback());
         if !is_loopback && tokens.iter().all(|token| token.is_revoked) {
             store.close().await;
@@ -92,7 +94,7 @@ impl Server {
         let newest_at_start = store.newest_record().await?;
         let clock = Clock::start();
         let running = store.renew_all_leases(lease_end(clock.lease_now(), config.lease)).await?;
-        tracing::info!(%address, data = %config.data.display(), running, "listening");
+        tracing::info!(%address, data = %config.data.display(), database = %place, running, "listening");
         if access.is_open() {
             tracing::warn!("no access token exists: every user of this machine may do everything");
         }

@@ -17,6 +17,7 @@ use utoipa::ToSchema;
 
 use super::problem::{ApiError, ProblemKind};
 use crate::state::App;
+use crate::store::Store;
 use crate::sweep;
 
 /// The OpenAPI document, serialized once.
@@ -53,7 +54,11 @@ pub(crate) async fn readyz(State(app): State<App>) -> Result<Json<Health>, ApiEr
     if app.shutdown.is_cancelled() {
         return Err(ApiError::new(ProblemKind::Unavailable, "the server is stopping: try again later"));
     }
-    app.store.ping().await.map_err(|error| ApiError::new(ProblemKind::Unavailable, error.to_string()))?;
+    app.store.ping().await.map_err(|error| {
+        let detail =
+            error.unavailable().map_or_else(|| error.to_string(), |reason| reason.sentence().to_owned());
+        ApiError::new(ProblemKind::Unavailable, detail)
+    })?;
     Ok(Json(Health { status: "ok" }))
 }
 
@@ -65,7 +70,8 @@ pub(crate) async fn version(State(app): State<App>) -> Json<VersionView> {
         server: env!("CARGO_PKG_VERSION").to_owned(),
         api_version: API_VERSION.to_owned(),
         solver_revision: SOLVER_REVISION,
-        sqlite: app.store.sqlite_version().to_owned(),
+        sqlite: Store::sqlite_version().to_owned(),
+        database: app.store.version_of_database().to_owned(),
     })
 }
 

@@ -121,14 +121,8 @@ impl From<StoreError> for ApiError {
     fn from(error: StoreError) -> Self {
         tracing::error!(error = error.as_dyn(), "the store failed");
         match (error.unavailable(), &error) {
-            (Some(Unavailable::Busy), _) => Self::new(
-                ProblemKind::Unavailable,
-                "another program has locked the database: try again later",
-            ),
-            (Some(Unavailable::Full), _) => Self::new(
-                ProblemKind::StorageFull,
-                "the disk of the server's data directory is full: nothing changed; the operator must free space",
-            ),
+            (Some(reason @ Unavailable::Full), _) => Self::new(ProblemKind::StorageFull, reason.sentence()),
+            (Some(reason), _) => Self::new(ProblemKind::Unavailable, reason.sentence()),
             (None, StoreError::Object(_)) => Self::new(
                 ProblemKind::Unavailable,
                 "the server could not store or read an object: try again later; the server's log states the reason",

@@ -137,7 +137,13 @@ mod tests {
     #[tokio::test]
     async fn meshes_are_read_once_and_the_cache_is_bounded() {
         let dir = tempfile::tempdir().unwrap();
-        let store = Store::open(&dir.path().join("roost.db"), None).await.unwrap();
+        let store = Store::open(
+            &crate::store::Location::File(dir.path().join("roost.db")),
+            &dir.path().join("objects"),
+            None,
+        )
+        .await
+        .unwrap();
         let cache = MeshCache::new(2);
         let mut digests = Vec::new();
         for side in [10.0, 20.0, 30.0] {

@@ -2,10 +2,10 @@
 
 use roost_api::ids::{JobId, SweepId};
 use roost_api::time::Timestamp;
-use sqlx::SqliteConnection;
 use uuid::Uuid;
 
 use super::columns::{Columns, to_json};
+use super::database::{Connection, query};
 use super::observations::{HandedOutRun, handed_out_run};
 use super::{Store, StoreError};
 use crate::study::HandOut;
@@ -36,12 +36,12 @@ impl Store {
         request: Uuid,
     ) -> Result<Option<MadeRuns>, StoreError> {
         let sql = "SELECT numbers, jobs FROM asks WHERE request_id = ? AND study_id = ?";
-        let query = sqlx::query(sql).bind(request.to_string()).bind(id.to_string());
-        let Some(row) = query.fetch_optional(&self.readers).await? else { return Ok(None) };
+        let asked = query(sql).bind(request.to_string()).bind(id.to_string());
+        let Some(row) = asked.fetch_optional(&self.readers).await? else { return Ok(None) };
         let sql = "SELECT number, levels, replicate, seed, expires_at FROM observations
-                   WHERE study_id = ? AND number IN (SELECT value FROM json_each(?)) ORDER BY number";
+                   WHERE study_id = ? AND number IN (SELECT CAST(atom AS BIGINT) FROM json_each(?)) ORDER BY number";
         let numbers: String = row.column("numbers")?;
-        let runs = sqlx::query(sql).bind(id.to_string()).bind(numbers).fetch_all(&self.readers).await?;
+        let runs = query(sql).bind(id.to_string()).bind(numbers).fetch_all(&self.readers).await?;
         let runs = runs.iter().map(handed_out_run).collect::<Result<_, _>>()?;
         Ok(Some(MadeRuns { jobs: row.json("jobs")?, runs }))
     }
@@ -49,14 +49,14 @@ impl Store {
 
 /// Notes what a request for runs is given.
 pub(super) async fn answer_ask(
-    tx: &mut SqliteConnection,
+    tx: &mut Connection,
     id: SweepId,
     request: Uuid,
     made: &MadeRuns,
 ) -> Result<(), StoreError> {
     let numbers: Vec<u64> = made.runs.iter().map(|run| run.number).collect();
     let sql = "INSERT INTO asks (request_id, study_id, numbers, jobs) VALUES (?, ?, ?, ?)";
-    sqlx::query(sql)
+    query(sql)
         .bind(request.to_string())
         .bind(id.to_string())
         .bind(to_json("numbers", &numbers)?)

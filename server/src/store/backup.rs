@@ -3,9 +3,9 @@
 use std::fs::{self, File};
 use std::path::Path;
 
-use sqlx::{AssertSqlSafe, Connection, SqliteConnection};
-
-use super::{OBJECTS, StoreError, connect, objects, options, refuse_newer};
+use super::database::{AssertSqlSafe, Connection, query, query_scalar, sqlite};
+use super::migrations::refuse_newer;
+use super::{OBJECTS, StoreError, objects};
 
 /// The contents of a backup.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,9 +25,9 @@ pub struct BackupReport {
 pub(crate) async fn copy(from: &Path, to: &Path) -> Result<BackupReport, StoreError> {
     let partial = to.with_extension("part");
     let _ = fs::remove_file(&partial); // of an interrupted backup
-    let (mut source, _) = connect(options(from).create_if_missing(false)).await?;
+    let mut source = open(from).await?;
     refuse_newer(&mut source).await?;
-    sqlx::query("VACUUM INTO ?").bind(partial.display().to_string()).execute(&mut source).await?;
+    query("VACUUM INTO ?").bind(partial.display().to_string()).execute(&mut source).await?;
     source.close().await?;
     let (copied, objects) = inspect(&partial).await?;
     let (from_objects, to_objects) = (from.with_file_name(OBJECTS), to.with_file_name(OBJECTS));
@@ -42,15 +42,19 @@ pub(crate) async fn copy(from: &Path, to: &Path) -> Result<BackupReport, StoreEr
     Ok(BackupReport { bytes: copied.bytes + object_bytes, absent_objects, ..copied })
 }
 
+async fn open(path: &Path) -> Result<Connection, StoreError> {
+    Ok(sqlite::connect(sqlite::options(path).create_if_missing(false)).await?.0.into())
+}
+
 /// Checks a copied database. Returns its contents and the objects that it names.
 async fn inspect(path: &Path) -> Result<(BackupReport, Vec<String>), StoreError> {
-    let (mut copy, _) = connect(options(path).create_if_missing(false)).await?;
-    let verdict: String = sqlx::query_scalar("PRAGMA quick_check").fetch_one(&mut copy).await?;
+    let mut copy = open(path).await?;
+    let verdict: String = query_scalar("PRAGMA quick_check").fetch_one(&mut copy).await?;
     if verdict != "ok" {
         return Err(StoreError::Corrupt { what: "copy of the database", message: verdict });
     }
-    let count = async |copy: &mut SqliteConnection, sql: &'static str| -> Result<u64, StoreError> {
-        Ok(sqlx::query_scalar::<_, i64>(sql).fetch_one(copy).await?.unsigned_abs())
+    let count = async |copy: &mut Connection, sql: &'static str| -> Result<u64, StoreError> {
+        Ok(query_scalar::<i64>(sql).fetch_one(copy).await?.unsigned_abs())
     };
     let jobs = count(&mut copy, "SELECT count(*) FROM jobs").await?;
     let results = count(&mut copy, "SELECT count(*) FROM results").await?;
@@ -63,24 +67,24 @@ async fn inspect(path: &Path) -> Result<(BackupReport, Vec<String>), StoreError>
 }
 
 /// Deletes the fills of a copy: they may be large, and jobs compute them again. A database of an earlier version has none.
-async fn forget_fills(copy: &mut SqliteConnection) -> Result<(), StoreError> {
+async fn forget_fills(copy: &mut Connection) -> Result<(), StoreError> {
     let sql = "SELECT EXISTS (SELECT 1 FROM sqlite_master WHERE name = 'fills')";
-    if sqlx::query_scalar(sql).fetch_one(&mut *copy).await? {
-        sqlx::query("DELETE FROM fills").execute(copy).await?;
+    if query_scalar(sql).fetch_one(&mut *copy).await? {
+        query("DELETE FROM fills").execute(copy).await?;
     }
     Ok(())
 }
 
 /// The objects that a database names. A database of an earlier version has no checkpoints, another name for the column, or no frames.
-async fn named(copy: &mut SqliteConnection) -> Result<Vec<String>, StoreError> {
+async fn named(copy: &mut Connection) -> Result<Vec<String>, StoreError> {
     let sql = "SELECT name FROM pragma_table_info('frames') WHERE name IN ('object', 'object_digest')";
-    let column: Option<String> = sqlx::query_scalar(sql).fetch_optional(&mut *copy).await?;
+    let column: Option<String> = query_scalar(sql).fetch_optional(&mut *copy).await?;
     let Some(column) = column else { return Ok(Vec::new()) };
     let sql = "SELECT EXISTS (SELECT 1 FROM sqlite_master WHERE name = 'checkpoints')";
-    let checkpoints = match sqlx::query_scalar::<_, bool>(sql).fetch_one(&mut *copy).await? {
+    let checkpoints = match query_scalar::<bool>(sql).fetch_one(&mut *copy).await? {
         true => "UNION SELECT object_digest FROM checkpoints",
         false => "",
     };
     let sql = format!("SELECT DISTINCT {column} FROM frames {checkpoints}");
-    Ok(sqlx::query_scalar(AssertSqlSafe(sql)).fetch_all(copy).await?)
+    Ok(query_scalar(AssertSqlSafe(sql)).fetch_all(copy).await?)
 }

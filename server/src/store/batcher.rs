@@ -8,15 +8,15 @@ use std::hash::Hash;
 use std::sync::Arc;
 use std::time::Duration;
 
-use sqlx::SqliteConnection;
 use tokio::sync::{Semaphore, mpsc, oneshot};
 use tokio::time::Instant;
 
 use super::StoreError;
+use super::database::Connection;
 use super::writer::{Work, Writer};
 
 /// Executes a batch, and answers in the order of its requests.
-pub(super) type Execute<A, B> = for<'t> fn(&'t mut SqliteConnection, &'t [Arc<A>]) -> Work<'t, Vec<B>>;
+pub(super) type Execute<A, B> = for<'t> fn(&'t mut Connection, &'t [Arc<A>]) -> Work<'t, Vec<B>>;
 
 type Pending<A, B> = (Arc<A>, oneshot::Sender<Result<B, StoreError>>);
 
@@ -139,13 +139,13 @@ mod tests {
     use futures_util::future::join_all;
 
     use super::*;
-    use crate::store::Store;
+    use crate::store::testing::Place;
 
     /// The batches that were tried.
     static TRIED: Mutex<Vec<Vec<u32>>> = Mutex::new(Vec::new());
 
     /// Answers each request with its square. A batch with 13 fails.
-    fn squares<'t>(_: &'t mut SqliteConnection, batch: &'t [Arc<u32>]) -> Work<'t, Vec<u32>> {
+    fn squares<'t>(_: &'t mut Connection, batch: &'t [Arc<u32>]) -> Work<'t, Vec<u32>> {
         Box::pin(async move {
             let batch: Vec<u32> = batch.iter().map(|request| **request).collect();
             TRIED.lock().unwrap().push(batch.clone());
@@ -158,8 +158,8 @@ mod tests {
 
     #[tokio::test]
     async fn a_failed_batch_is_tried_one_by_one() {
-        let dir = tempfile::tempdir().unwrap();
-        let store = Store::open(&dir.path().join("roost.db"), None).await.unwrap();
+        let place = Place::sqlite();
+        let store = place.open().await;
         let batcher = Batcher::start(store.writer.clone(), 64, Duration::ZERO, squares);
         // On one thread all requests are submitted before the first batch starts.
         let submit = async |requests: std::ops::Range<u32>| {

@@ -66,7 +66,7 @@ async fn checkpoint(
 mod tests {
     use sqlx::ConnectOptions;
 
-    use super::super::options;
+    use super::super::database::sqlite::options;
     use super::*;
 
     #[tokio::test]

@@ -10,13 +10,12 @@ use roost_api::frames::FramesOrder;
 use roost_api::ids::WorkerId;
 use roost_api::lease::ClaimedAttempt;
 use serde_json::json;
-use sqlx::SqliteConnection;
-use sqlx::sqlite::SqliteRow;
 use uuid::Uuid;
 
 use super::batcher::{Batcher, waves};
 use super::columns::{Columns, to_json};
-use super::eligible_jobs::{ELIGIBLE_JOBS, FillNumbers, candidates, rounds};
+use super::database::{Connection, Row, query};
+use super::eligible_jobs::{FillNumbers, candidates, eligible_jobs, rounds};
 use super::workers::online_window;
 use super::writer::Writer;
 use super::{Store, StoreError};
@@ -72,39 +71,42 @@ pub(super) const TAKE: &str = concat!(
     "
     UPDATE jobs
     SET state = 'running', attempt = attempt + 1, worker_id = took.value ->> 'worker',
-        lease_expires_at = took.value ->> 'until', started_at = took.value ->> 'at',
-        deadline = took.value ->> 'until' + CAST(max_wall_s * 1000 AS INTEGER)
-    FROM json_each(?) AS took WHERE jobs.seq = took.value ->> 'seq'
+        lease_expires_at = CAST(took.value ->> 'until' AS BIGINT), started_at = CAST(took.value ->> 'at' AS BIGINT),
+        deadline = CAST(took.value ->> 'until' AS BIGINT) + CAST(max_wall_s * 1000 AS BIGINT)
+    FROM json_each(?) AS took WHERE jobs.seq = CAST(took.value ->> 'seq' AS BIGINT)
     RETURNING ",
     claimed_columns!(),
     ";
     INSERT INTO attempts (job_id, number, worker_id, request_id, claimed_at, resumed_from_s)
-    SELECT jobs.id, jobs.attempt, jobs.worker_id, took.value ->> 'request', took.value ->> 'at', ",
+    SELECT jobs.id, jobs.attempt, jobs.worker_id, took.value ->> 'request', CAST(took.value ->> 'at' AS BIGINT), ",
     usable_checkpoint!("c.simulated_s"),
     "
-    FROM json_each(?) AS took CROSS JOIN jobs ON jobs.seq = took.value ->> 'seq';
+    FROM json_each(?) AS took CROSS JOIN jobs ON jobs.seq = CAST(took.value ->> 'seq' AS BIGINT);
     INSERT INTO fair_share (priority, owner, queue_position, round)
-    SELECT j.priority, j.owner, max(j.queue_position), max(took.value ->> 'round')
-    FROM json_each(?) AS took CROSS JOIN jobs j ON j.seq = took.value ->> 'seq'
+    SELECT j.priority, j.owner, max(j.queue_position), max(CAST(took.value ->> 'round' AS BIGINT))
+    FROM json_each(?) AS took CROSS JOIN jobs j ON j.seq = CAST(took.value ->> 'seq' AS BIGINT)
     GROUP BY j.priority, j.owner
     ON CONFLICT (priority, owner) DO UPDATE SET
-        queue_position = max(queue_position, excluded.queue_position), round = max(round, excluded.round)"
+        queue_position = CASE WHEN excluded.queue_position > fair_share.queue_position
+            THEN excluded.queue_position ELSE fair_share.queue_position END,
+        round = CASE WHEN excluded.round > fair_share.round THEN excluded.round ELSE fair_share.round END"
 );
 
 /// Makes new attempts the ones that compute the fills of their jobs, where no attempt has stored or withdrawn them.
 pub(super) const COMPUTE_FILLS: &str = "
     INSERT INTO fills (fill_digest, solver_revision, backend, device, job_id, attempt, used_at)
-    SELECT j.fill_digest, w.solver_revision, w.backend, w.device, j.id, j.attempt, took.value ->> 'at'
-    FROM json_each(?) AS took CROSS JOIN jobs j ON j.seq = took.value ->> 'seq' CROSS JOIN workers w ON w.id = j.worker_id
-    WHERE took.value ->> 'computes' AND j.fill_digest IS NOT NULL
+    SELECT j.fill_digest, w.solver_revision, w.backend, w.device, j.id, j.attempt, CAST(took.value ->> 'at' AS BIGINT)
+    FROM json_each(?) AS took CROSS JOIN jobs j ON j.seq = CAST(took.value ->> 'seq' AS BIGINT) CROSS JOIN workers w ON w.id = j.worker_id
+    WHERE CAST(took.value ->> 'computes' AS BIGINT) = 1 AND j.fill_digest IS NOT NULL
     ON CONFLICT (fill_digest, solver_revision, backend, device) DO UPDATE SET
         job_id = excluded.job_id, attempt = excluded.attempt, used_at = excluded.used_at
     WHERE fills.job_id IS NOT NULL";
 
 /// Records the use of stored fills by new attempts.
 pub(super) const USE_FILLS: &str = "
-    UPDATE fills SET used_at = max(used_at, took.value ->> 'at')
-    FROM json_each(?) AS took CROSS JOIN jobs j ON j.seq = took.value ->> 'seq' CROSS JOIN workers w ON w.id = j.worker_id
+    UPDATE fills SET used_at = CASE WHEN CAST(took.value ->> 'at' AS BIGINT) > fills.used_at
+        THEN CAST(took.value ->> 'at' AS BIGINT) ELSE fills.used_at END
+    FROM json_each(?) AS took CROSS JOIN jobs j ON j.seq = CAST(took.value ->> 'seq' AS BIGINT) CROSS JOIN workers w ON w.id = j.worker_id
     WHERE fills.fill_digest = j.fill_digest AND fills.solver_revision = w.solver_revision
       AND fills.backend = w.backend AND fills.device = w.device AND fills.object_digest IS NOT NULL";
 
@@ -122,9 +124,9 @@ pub(super) const REPEAT: &str = concat!(
 /// Records that workers were seen. Returns the device and load of each, whether it has failed jobs, and whether its request is a
 /// repeat.
 pub(super) const ARRIVE: &str = "
-    UPDATE workers SET last_seen_at = request.value ->> 'at'
+    UPDATE workers SET last_seen_at = CAST(request.value ->> 'at' AS BIGINT)
     FROM json_each(?) AS request WHERE workers.id = request.value ->> 'worker';
-    SELECT request.key AS place, me.solver_revision, me.backend, me.device, me.memory_mib, me.draining,
+    SELECT CAST(request.key AS BIGINT) AS place, me.solver_revision, me.backend, me.device, me.memory_mib, me.draining,
         EXISTS (SELECT 1 FROM attempts WHERE request_id = request.value ->> 'request' AND worker_id = me.id) AS repeated,
         EXISTS (SELECT 1 FROM attempts WHERE worker_id = me.id AND outcome = 'worker') AS has_failed,
         (SELECT count(*) FROM jobs WHERE worker_id = me.id AND state = 'running') AS jobs,
@@ -164,7 +166,7 @@ pub(super) type TimedClaim = (Claim, Now);
 /// The rows of claimed jobs.
 #[derive(Default)]
 pub(super) struct ClaimedRows {
-    rows: Vec<SqliteRow>,
+    rows: Vec<Row>,
     held_back: bool,
     held_jobs: Option<u32>,
 }
@@ -193,7 +195,7 @@ impl Store {
     /// Whether a claim would find a job. Uses a reader.
     pub(crate) async fn has_work(&self, claim: Claim, now: Now) -> Result<bool, StoreError> {
         let (since, until) = online_window(now.wall, claim.lease);
-        let found = sqlx::query(ELIGIBLE_JOBS)
+        let found = query(eligible_jobs(self.readers.engine()))
             .bind(claim.worker.to_string())
             .bind(since.0)
             .bind(until.0)
@@ -207,7 +209,7 @@ impl Store {
 
 /// Allocates jobs to claims as if one after the other. Several claims of one worker are in different waves.
 async fn claim_all(
-    tx: &mut SqliteConnection,
+    tx: &mut Connection,
     batch: &[Arc<TimedClaim>],
 ) -> Result<Vec<Result<ClaimedRows, Refusal>>, StoreError> {
     let mut answers: Vec<_> = batch.iter().map(|_| Err(Refusal::NoWorker)).collect();
@@ -239,12 +241,12 @@ pub(super) struct FillDevice {
 
 /// Allocates jobs to claims of different workers.
 async fn claim_wave(
-    tx: &mut SqliteConnection,
+    tx: &mut Connection,
     claims: &[TimedClaim],
 ) -> Result<Vec<Result<ClaimedRows, Refusal>>, StoreError> {
     let arriving = |(claim, now): &TimedClaim| json!({"worker": claim.worker, "request": claim.request_id, "at": now.wall.0});
     let arriving = to_json("claims", &claims.iter().map(arriving).collect::<Vec<_>>())?;
-    let rows = sqlx::query(ARRIVE).bind(&arriving).bind(&arriving).fetch_all(&mut *tx).await?;
+    let rows = query(ARRIVE).bind(&arriving).bind(&arriving).fetch_all(&mut *tx).await?;
     let mut answers: Vec<_> = claims.iter().map(|_| Err(Refusal::NoWorker)).collect();
     let (mut classes, mut demands) = (Vec::<(WorkerClass, TimedClaim)>::new(), Vec::new());
     for row in &rows {
@@ -297,8 +299,8 @@ async fn claim_wave(
 }
 
 /// The running attempts that the same request claimed before, by priority, position and age.
-async fn repeat(tx: &mut SqliteConnection, claim: Claim, now: Now) -> Result<Vec<SqliteRow>, StoreError> {
-    let rows = sqlx::query(REPEAT)
+async fn repeat(tx: &mut Connection, claim: Claim, now: Now) -> Result<Vec<Row>, StoreError> {
+    let rows = query(REPEAT)
         .bind(lease_end(now.lease, claim.lease).0)
         .bind(claim.request_id.to_string())
         .bind(claim.worker.to_string())
@@ -316,10 +318,10 @@ async fn repeat(tx: &mut SqliteConnection, claim: Claim, now: Now) -> Result<Vec
 
 /// Starts the attempts of allocated jobs, and returns their rows by job number.
 async fn start_attempts(
-    tx: &mut SqliteConnection,
+    tx: &mut Connection,
     claims: &[TimedClaim],
     allocations: &[(usize, Allocation)],
-) -> Result<HashMap<i64, SqliteRow>, StoreError> {
+) -> Result<HashMap<i64, Row>, StoreError> {
     let mut taken = Vec::new();
     for (place, allocation) in allocations {
         let (claim, now) = &claims[*place];
@@ -334,19 +336,19 @@ async fn start_attempts(
     }
     let computes = allocations.iter().flat_map(|(_, it)| &it.jobs).any(|next| next.job.fill.is_some());
     let taken = to_json("jobs", &taken)?;
-    let rows = sqlx::query(TAKE).bind(&taken).bind(&taken).bind(&taken).fetch_all(&mut *tx).await?;
+    let rows = query(TAKE).bind(&taken).bind(&taken).bind(&taken).fetch_all(&mut *tx).await?;
     if computes {
-        sqlx::query(COMPUTE_FILLS).bind(&taken).execute(&mut *tx).await?;
+        query(COMPUTE_FILLS).bind(&taken).execute(&mut *tx).await?;
     }
-    let uses = |row: &SqliteRow| Ok::<_, StoreError>(row.column::<Option<String>>("fill")?.is_some());
+    let uses = |row: &Row| Ok::<_, StoreError>(row.column::<Option<String>>("fill")?.is_some());
     if rows.iter().map(uses).collect::<Result<Vec<_>, _>>()?.contains(&true) {
-        sqlx::query(USE_FILLS).bind(&taken).execute(&mut *tx).await?;
+        query(USE_FILLS).bind(&taken).execute(&mut *tx).await?;
     }
     rows.into_iter().map(|row| Ok((row.column("seq")?, row))).collect()
 }
 
 /// The answer for one claimed row.
-fn attempt(row: &SqliteRow, claim: Claim) -> Result<ClaimedAttempt, StoreError> {
+fn attempt(row: &Row, claim: Claim) -> Result<ClaimedAttempt, StoreError> {
     let interval_s: Option<f64> = row.column("frame_interval_s")?;
     let limit_bytes = claim.max_frames_bytes;
     let has_fill = claim.shares_fills && row.column::<Option<String>>("fill_digest")?.is_some();

@@ -4,18 +4,14 @@ use std::str::FromStr;
 
 use roost_api::time::Timestamp;
 use serde::de::DeserializeOwned;
-use sqlx::sqlite::SqliteRow;
-use sqlx::{Decode, Row, Sqlite, Type};
 
 use super::StoreError;
+use super::database::{FromValue, Row};
 
 /// Typed access to the columns of a row, by name.
 pub(super) trait Columns {
-    /// A column as SQLite has it.
-    fn column<'r, T: Decode<'r, Sqlite> + Type<Sqlite>>(
-        &'r self,
-        name: &'static str,
-    ) -> Result<T, StoreError>;
+    /// A column as the database has it.
+    fn column<T: FromValue>(&self, name: &'static str) -> Result<T, StoreError>;
 
     /// A column that holds a word or an identifier.
     fn parsed<T: FromStr<Err: std::fmt::Display>>(&self, name: &'static str) -> Result<T, StoreError> {
@@ -63,12 +59,9 @@ pub(super) trait Columns {
     }
 }
 
-impl Columns for SqliteRow {
-    fn column<'r, T: Decode<'r, Sqlite> + Type<Sqlite>>(
-        &'r self,
-        name: &'static str,
-    ) -> Result<T, StoreError> {
-        Ok(self.try_get(name)?)
+impl Columns for Row {
+    fn column<T: FromValue>(&self, name: &'static str) -> Result<T, StoreError> {
+        Ok(self.named(name)?)
     }
 }
 

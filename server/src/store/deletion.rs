@@ -6,9 +6,9 @@
 use roost_api::ids::SweepId;
 use roost_api::sweep::Deletion;
 use roost_api::time::Timestamp;
-use sqlx::SqliteConnection;
 
 use super::columns::{Columns, to_json};
+use super::database::{Connection, query, query_as, query_scalar};
 use super::writer::SLICE;
 use super::{Store, StoreError};
 
@@ -28,13 +28,13 @@ pub(super) const HIDE: &str = "UPDATE sweeps SET state = 'deleting' WHERE id = ?
 impl Store {
     /// What a deletion of a sweep would remove.
     pub(crate) async fn deletion(&self, id: SweepId) -> Result<Option<Deletion>, StoreError> {
-        let row = sqlx::query(
+        let row = query(
             "SELECT points,
                     (SELECT count(*) FROM jobs WHERE sweep_id = s.id) AS jobs,
                     (SELECT count(*) FROM jobs WHERE sweep_id = s.id AND ended_at IS NULL) AS unended,
                     (SELECT count(*) FROM jobs j JOIN attempts a ON a.job_id = j.id WHERE j.sweep_id = s.id) AS attempts,
                     (SELECT count(*) FROM jobs j JOIN results r ON r.job_id = j.id WHERE j.sweep_id = s.id) AS results,
-                    (SELECT coalesce(sum(f.bytes), 0) FROM jobs j JOIN frames f ON f.job_id = j.id WHERE j.sweep_id = s.id)
+                    (SELECT CAST(coalesce(sum(f.bytes), 0) AS BIGINT) FROM jobs j JOIN frames f ON f.job_id = j.id WHERE j.sweep_id = s.id)
                         AS frames_bytes
              FROM sweeps s WHERE id = ? AND state = 'ready'",
         )
@@ -69,7 +69,7 @@ impl Store {
             .writer
             .write(move |tx| {
                 Box::pin(async move {
-                    let hidden = sqlx::query_scalar(HIDE)
+                    let hidden = query_scalar(HIDE)
                         .bind(id.to_string())
                         .bind(before.0)
                         .fetch_optional(&mut *tx)
@@ -77,7 +77,7 @@ impl Store {
                     if hidden.is_none() {
                         return Ok(None);
                     }
-                    sqlx::query(
+                    query(
                         "INSERT INTO deletions (sweep_id, name, deleted_at) SELECT id, name, ? FROM sweeps WHERE id = ?",
                     )
                     .bind(now.0)
@@ -115,9 +115,8 @@ impl Store {
 
     /// Deletes the sweeps that a failure or the end of an earlier server process has left hidden.
     pub(crate) async fn delete_leftovers(&self) -> Result<(), StoreError> {
-        let left = sqlx::query_scalar("SELECT seq FROM sweeps WHERE state = 'deleting'")
-            .fetch_all(&self.readers)
-            .await?;
+        let left =
+            query_scalar("SELECT seq FROM sweeps WHERE state = 'deleting'").fetch_all(&self.readers).await?;
         for seq in left {
             if let Err(error) = self.delete_hidden(seq).await {
                 tracing::error!(error = error.as_dyn(), seq, "deleting a hidden sweep failed");
@@ -134,7 +133,7 @@ impl Store {
             .writer
             .write(move |tx| {
                 Box::pin(async move {
-                    let jobs: Vec<(String, String)> = sqlx::query_as(
+                    let jobs: Vec<(String, String)> = query_as(
                         "SELECT id, scenario_digest FROM jobs WHERE sweep_id IS NULL AND ended_at < ? LIMIT ?",
                     )
                     .bind(before.0)
@@ -155,34 +154,34 @@ impl Store {
 }
 
 /// Changes the version of listings, as the row of a deleted sweep does.
-pub(super) async fn change_listings(tx: &mut SqliteConnection) -> Result<(), StoreError> {
+pub(super) async fn change_listings(tx: &mut Connection) -> Result<(), StoreError> {
     for sql in [
         "INSERT INTO sqlite_sequence (name, seq)
          SELECT 'deletions', 0 WHERE NOT EXISTS (SELECT 1 FROM sqlite_sequence WHERE name = 'deletions')",
         "UPDATE sqlite_sequence SET seq = seq + 1 WHERE name = 'deletions'",
     ] {
-        sqlx::query(sql).execute(&mut *tx).await?;
+        query(sql).execute(&mut *tx).await?;
     }
     Ok(())
 }
 
 /// Marks the sweeps that an earlier server process was submitting: [`Store::delete_leftovers`] deletes them.
-pub(super) async fn mark_leftovers(connection: &mut SqliteConnection) -> Result<(), StoreError> {
+pub(super) async fn mark_leftovers(connection: &mut Connection) -> Result<(), StoreError> {
     let sql = "UPDATE sweeps SET state = 'deleting' WHERE state = 'submitting'";
-    sqlx::query(sql).execute(connection).await?;
+    query(sql).execute(connection).await?;
     Ok(())
 }
 
 /// Deletes a batch of jobs of a sweep that is `deleting`, with their rows, and the sweep after the last batch. Returns whether there is
 /// more to do, and the objects that these jobs named.
-async fn delete_batch(tx: &mut SqliteConnection, seq: i64) -> Result<(bool, Vec<String>), StoreError> {
-    let id: Option<String> = sqlx::query_scalar("SELECT id FROM sweeps WHERE seq = ? AND state = 'deleting'")
+async fn delete_batch(tx: &mut Connection, seq: i64) -> Result<(bool, Vec<String>), StoreError> {
+    let id: Option<String> = query_scalar("SELECT id FROM sweeps WHERE seq = ? AND state = 'deleting'")
         .bind(seq)
         .fetch_optional(&mut *tx)
         .await?;
     let Some(id) = id else { return Ok((false, Vec::new())) };
     let jobs: Vec<(String, String)> =
-        sqlx::query_as("SELECT id, scenario_digest FROM jobs WHERE sweep_id = ? LIMIT ?")
+        query_as("SELECT id, scenario_digest FROM jobs WHERE sweep_id = ? LIMIT ?")
             .bind(&id)
             .bind(BATCH)
             .fetch_all(&mut *tx)
@@ -193,7 +192,7 @@ async fn delete_batch(tx: &mut SqliteConnection, seq: i64) -> Result<(bool, Vec<
     }
     let points = "DELETE FROM design_points WHERE sweep_id = ?1
                   AND point IN (SELECT point FROM design_points WHERE sweep_id = ?1 LIMIT ?2)";
-    if sqlx::query(points).bind(&id).bind(POINTS).execute(&mut *tx).await?.rows_affected() as i64 == POINTS {
+    if query(points).bind(&id).bind(POINTS).execute(&mut *tx).await?.rows_affected() as i64 == POINTS {
         return Ok((true, objects));
     }
     for sql in [
@@ -204,41 +203,38 @@ async fn delete_batch(tx: &mut SqliteConnection, seq: i64) -> Result<(bool, Vec<
         "DELETE FROM studies WHERE sweep_id = ?",
         "DELETE FROM sweeps WHERE id = ?",
     ] {
-        sqlx::query(sql).bind(&id).execute(&mut *tx).await?;
+        query(sql).bind(&id).execute(&mut *tx).await?;
     }
     Ok((false, objects))
 }
 
 /// Deletes jobs and their rows. Each comes with its scenario's digest. Returns the objects that they named.
-async fn delete_jobs(
-    tx: &mut SqliteConnection,
-    jobs: &[(String, String)],
-) -> Result<Vec<String>, StoreError> {
+async fn delete_jobs(tx: &mut Connection, jobs: &[(String, String)]) -> Result<Vec<String>, StoreError> {
     let (ids, scenarios): (Vec<&String>, Vec<&String>) = jobs.iter().map(|(id, digest)| (id, digest)).unzip();
     let (ids, scenarios) = (to_json("jobs", &ids)?, to_json("scenarios", &scenarios)?);
-    let documents: Vec<String> = sqlx::query_scalar(DOCUMENTS).bind(&ids).fetch_all(&mut *tx).await?;
+    let documents: Vec<String> = query_scalar(DOCUMENTS).bind(&ids).fetch_all(&mut *tx).await?;
     let objects =
-        "DELETE FROM frames WHERE job_id IN (SELECT value FROM json_each(?)) RETURNING object_digest";
-    let objects = sqlx::query_scalar(objects).bind(&ids).fetch_all(&mut *tx).await?;
+        "DELETE FROM frames WHERE job_id IN (SELECT atom FROM json_each(?)) RETURNING object_digest";
+    let objects = query_scalar(objects).bind(&ids).fetch_all(&mut *tx).await?;
     for (sql, names) in [
-        ("DELETE FROM results WHERE job_id IN (SELECT value FROM json_each(?))", &ids),
-        ("DELETE FROM checkpoints WHERE job_id IN (SELECT value FROM json_each(?))", &ids),
-        ("DELETE FROM attempts WHERE job_id IN (SELECT value FROM json_each(?))", &ids),
-        ("DELETE FROM jobs WHERE id IN (SELECT value FROM json_each(?))", &ids),
+        ("DELETE FROM results WHERE job_id IN (SELECT atom FROM json_each(?))", &ids),
+        ("DELETE FROM checkpoints WHERE job_id IN (SELECT atom FROM json_each(?))", &ids),
+        ("DELETE FROM attempts WHERE job_id IN (SELECT atom FROM json_each(?))", &ids),
+        ("DELETE FROM jobs WHERE id IN (SELECT atom FROM json_each(?))", &ids),
         (UNNAMED_DOCUMENTS, &to_json("documents", &documents)?),
         (UNNAMED_SCENARIOS, &scenarios),
     ] {
-        sqlx::query(sql).bind(names).execute(&mut *tx).await?;
+        query(sql).bind(names).execute(&mut *tx).await?;
     }
     Ok(objects)
 }
 
 const DOCUMENTS: &str = "
-    SELECT document_digest FROM results WHERE job_id IN (SELECT value FROM json_each(?1))
+    SELECT document_digest FROM results WHERE job_id IN (SELECT atom FROM json_each(?1))
     UNION SELECT partial_digest FROM attempts
-          WHERE job_id IN (SELECT value FROM json_each(?1)) AND partial_digest IS NOT NULL";
-const UNNAMED_DOCUMENTS: &str = "DELETE FROM documents WHERE digest IN (SELECT value FROM json_each(?))
+          WHERE job_id IN (SELECT atom FROM json_each(?1)) AND partial_digest IS NOT NULL";
+const UNNAMED_DOCUMENTS: &str = "DELETE FROM documents WHERE digest IN (SELECT atom FROM json_each(?))
     AND NOT EXISTS (SELECT 1 FROM results WHERE document_digest = documents.digest)
     AND NOT EXISTS (SELECT 1 FROM attempts WHERE partial_digest = documents.digest)";
-const UNNAMED_SCENARIOS: &str = "DELETE FROM scenarios WHERE digest IN (SELECT value FROM json_each(?))
+const UNNAMED_SCENARIOS: &str = "DELETE FROM scenarios WHERE digest IN (SELECT atom FROM json_each(?))
     AND NOT EXISTS (SELECT 1 FROM jobs WHERE scenario_digest = scenarios.digest)";

@@ -9,10 +9,10 @@ use roost_api::job::{AttemptOutcome, FilledBy};
 use roost_api::time::Timestamp;
 use roost_solver::scenario;
 use serde_json::json;
-use sqlx::SqliteConnection;
 
 use super::batcher::{Batcher, waves};
 use super::columns::to_json;
+use super::database::{Connection, Engine, query, query_as, query_scalar};
 use super::transitions::{AttemptEnd, AttemptRef, end_attempts, fence_attempts};
 use super::writer::Writer;
 use super::{Store, StoreError};
@@ -81,7 +81,7 @@ impl Store {
         job: JobId,
         attempt: u32,
     ) -> Result<Result<(), Refusal>, StoreError> {
-        let row: Option<(bool,)> = sqlx::query_as(
+        let row: Option<(bool,)> = query_as(
             "SELECT EXISTS (SELECT 1 FROM attempts WHERE job_id = jobs.id AND number = ?)
              FROM jobs WHERE id = ?",
         )
@@ -162,7 +162,7 @@ impl Store {
 }
 
 /// Records results. Several results of one job are recorded in order.
-async fn record_all(tx: &mut SqliteConnection, batch: &[Arc<Delivered>]) -> Result<Vec<Answer>, StoreError> {
+async fn record_all(tx: &mut Connection, batch: &[Arc<Delivered>]) -> Result<Vec<Answer>, StoreError> {
     let mut answers: Vec<Answer> = batch.iter().map(|_| Err(Refusal::NoJob)).collect();
     for wave in waves(batch.iter().map(|delivered| delivered.attempt.job)) {
         let attempts: Vec<_> = wave.iter().map(|index| batch[*index].attempt).collect();
@@ -188,12 +188,12 @@ async fn record_all(tx: &mut SqliteConnection, batch: &[Arc<Delivered>]) -> Resu
 /// Refuses a result whose provenance differs from the registered one. A job that an earlier version queued has the digest of a
 /// scenario that lacks newer fields; a worker runs and returns the upgraded scenario.
 async fn check(
-    tx: &mut SqliteConnection,
+    tx: &mut Connection,
     stated: &Provenance,
     mut registered: Provenance,
 ) -> Result<Result<(), Refusal>, StoreError> {
     if stated.scenario != registered.scenario {
-        let body: Option<String> = sqlx::query_scalar("SELECT body FROM scenarios WHERE digest = ?")
+        let body: Option<String> = query_scalar("SELECT body FROM scenarios WHERE digest = ?")
             .bind(&registered.scenario)
             .fetch_optional(&mut *tx)
             .await?;
@@ -205,7 +205,7 @@ async fn check(
 }
 
 /// Stores accepted results of different jobs.
-async fn record(tx: &mut SqliteConnection, accepted: &[(&Delivered, JobChange)]) -> Result<(), StoreError> {
+async fn record(tx: &mut Connection, accepted: &[(&Delivered, JobChange)]) -> Result<(), StoreError> {
     if accepted.is_empty() {
         return Ok(());
     }
@@ -226,29 +226,48 @@ async fn record(tx: &mut SqliteConnection, accepted: &[(&Delivered, JobChange)])
         endings.push(AttemptEnd { job, attempt, outcome, change, message, partial, filled_by, at });
     }
     let rows = to_json("results", &rows)?;
-    sqlx::query(RECORD).bind(bodies).bind(&rows).bind(&rows).execute(&mut *tx).await?;
+    let sql = match tx.engine() {
+        Engine::Sqlite => RECORD,
+        Engine::Postgres => RECORD_IN_POSTGRES,
+    };
+    query(sql).bind(bodies).bind(&rows).bind(&rows).execute(&mut *tx).await?;
     end_attempts(tx, &endings).await
 }
 
-/// Stores documents and results. `substr` of a blob counts bytes, not characters.
-pub(super) const RECORD: &str = "
+/// Stores documents and results. The body of a document is cut from a blob.
+macro_rules! record {
+    ($body:literal) => {
+        concat!(
+            "
     INSERT INTO documents (digest, body)
-    SELECT r.value ->> 'document', CAST(substr(?, r.value ->> 'from', r.value ->> 'bytes') AS TEXT)
+    SELECT r.value ->> 'document', ",
+            $body,
+            "
     FROM json_each(?) AS r WHERE true ON CONFLICT (digest) DO NOTHING;
     INSERT INTO results (job_id, attempt, scenario_digest, solver_revision, backend, responses, document_digest, recorded_at)
-    SELECT r.value ->> 'job', r.value ->> 'attempt', r.value ->> 'digest', r.value ->> 'revision',
-           r.value ->> 'backend', r.value ->> 'responses', r.value ->> 'document', r.value ->> 'at'
-    FROM json_each(?) AS r";
+    SELECT r.value ->> 'job', CAST(r.value ->> 'attempt' AS BIGINT), r.value ->> 'digest', CAST(r.value ->> 'revision' AS BIGINT),
+           r.value ->> 'backend', r.value ->> 'responses', r.value ->> 'document', CAST(r.value ->> 'at' AS BIGINT)
+    FROM json_each(?) AS r"
+        )
+    };
+}
+
+/// For SQLite, whose `substr` of a blob counts bytes, not characters.
+pub(super) const RECORD: &str = record!("CAST(substr(?, r.value ->> 'from', r.value ->> 'bytes') AS TEXT)");
+
+/// For PostgreSQL, where a function of the schema does this.
+const RECORD_IN_POSTGRES: &str =
+    record!("utf8(?, CAST(r.value ->> 'from' AS BIGINT), CAST(r.value ->> 'bytes' AS BIGINT))");
 
 /// Whether the newest checkpoint of a job is of this attempt.
-async fn has_checkpoint(tx: &mut SqliteConnection, job: JobId, attempt: u32) -> Result<bool, StoreError> {
+async fn has_checkpoint(tx: &mut Connection, job: JobId, attempt: u32) -> Result<bool, StoreError> {
     let sql = "SELECT EXISTS (SELECT 1 FROM checkpoints WHERE job_id = ? AND attempt = ?)";
-    Ok(sqlx::query_scalar(sql).bind(job.to_string()).bind(attempt).fetch_one(&mut *tx).await?)
+    Ok(query_scalar(sql).bind(job.to_string()).bind(attempt).fetch_one(&mut *tx).await?)
 }
 
 /// Stores a document under its digest.
-async fn insert_document(tx: &mut SqliteConnection, digest: &str, body: String) -> Result<(), StoreError> {
-    sqlx::query("INSERT INTO documents (digest, body) VALUES (?, ?) ON CONFLICT (digest) DO NOTHING")
+async fn insert_document(tx: &mut Connection, digest: &str, body: String) -> Result<(), StoreError> {
+    query("INSERT INTO documents (digest, body) VALUES (?, ?) ON CONFLICT (digest) DO NOTHING")
         .bind(digest)
         .bind(body)
         .execute(&mut *tx)

@@ -3,11 +3,11 @@
 use std::collections::{HashMap, HashSet};
 
 use futures_util::TryStreamExt;
-use sqlx::SqliteConnection;
 
 use super::StoreError;
 use super::claims::{Claim, FillDevice};
 use super::columns::{Columns, to_json};
+use super::database::{Connection, Engine, query};
 use super::workers::online_window;
 use crate::clock::Now;
 use crate::queue::{EligibleJob, OwnerQueue, Rounds};
@@ -125,7 +125,7 @@ macro_rules! heads {
         concat!("
     WITH RECURSIVE heads (priority, owner, queue) AS (
         SELECT * FROM (SELECT priority, owner, queue FROM jobs WHERE ", claimable!("jobs"), "
-                       ORDER BY priority DESC, owner, queue LIMIT 1)
+                       ORDER BY priority DESC, owner, queue LIMIT 1) AS top
         UNION ALL
         SELECT next.priority, next.owner, next.queue FROM heads CROSS JOIN jobs next ON next.seq = coalesce(
             (SELECT seq FROM jobs WHERE ", claimable!("jobs"), "
@@ -141,6 +141,49 @@ macro_rules! heads {
 // Why a job waits is asked with the same conditions.
 pub(super) use {can_continue, claimable, computing_attempt, fits, has_failed, heads, is_left_to};
 
+/// [`ELIGIBLE_JOBS`] with the join of the jobs of each queue, which ends in `$end`.
+macro_rules! eligible_jobs {
+    ($found:literal, $end:literal) => {
+        concat!(
+            heads!(),
+            "
+    SELECT heads.priority, heads.owner, found.queue_position, found.seq, found.alone,
+           CASE WHEN found.fill_digest IS NOT NULL AND ?5 <> 0
+                     AND NOT EXISTS (SELECT 1 FROM fills f WHERE f.fill_digest = found.fill_digest
+                                     AND f.solver_revision = me.solver_revision AND f.backend = me.backend
+                                     AND f.device = me.device AND f.job_id IS NULL)
+                     AND NOT ",
+            can_continue!("found", "me"),
+            "
+                THEN found.fill_digest END AS fill
+    FROM heads CROSS JOIN workers me CROSS JOIN ",
+            $found,
+            " FROM jobs j
+        WHERE ",
+            claimable!("j"),
+            "
+          AND j.priority = heads.priority AND j.owner = heads.owner AND j.queue = heads.queue
+          AND (j.sweep_id IS NULL OR j.sweep_id NOT IN (SELECT id FROM sweeps WHERE state <> 'ready'))
+          AND ",
+            fits!("j", "me"),
+            "
+          AND ",
+            is_left_to!("j", "me"),
+            "
+        ORDER BY j.queue_position, j.seq LIMIT ?4 + 500) AS first
+        WHERE first.fill_digest IS NULL OR ?5 = 0
+           OR NOT EXISTS ",
+            computing_attempt!("1", "first", "me"),
+            "
+           OR ",
+            can_continue!("first", "me"),
+            "
+        LIMIT ?4)",
+            $end
+        )
+    };
+}
+
 /// At most ?4 jobs of every queue that worker ?1 can run, by priority and owner. `heads` finds each queue by one step into the index
 /// `jobs_to_claim`, whatever the length of the queue, and each list walks that index from there to its limit; a test checks the query
 /// plan. A sweep that is not `ready` is passed over in one step. Rows come lazily: a reader that has enough reads no further queue. A job that the worker has failed is left to another
@@ -149,47 +192,34 @@ pub(super) use {can_continue, claimable, computing_attempt, fits, has_failed, he
 /// For a worker that shares fills (?5), a job is passed over while a running attempt computes its fill, unless it continues from a
 /// checkpoint. At most 500 such jobs of a queue are passed over, so that a long queue of one fill costs a claim milliseconds. `fill` is
 /// the fill that an attempt of the job would compute.
-pub(super) const ELIGIBLE_JOBS: &str = concat!(
-    heads!(),
+pub(super) const ELIGIBLE_JOBS: &str = eligible_jobs!(
+    "jobs found ON found.seq IN (
+        SELECT first.seq FROM (SELECT j.seq, j.id, j.fill_digest",
     "
-    SELECT heads.priority, heads.owner, found.queue_position, found.seq, found.alone,
-           CASE WHEN found.fill_digest IS NOT NULL AND ?5
-                     AND NOT EXISTS (SELECT 1 FROM fills f WHERE f.fill_digest = found.fill_digest
-                                     AND f.solver_revision = me.solver_revision AND f.backend = me.backend
-                                     AND f.device = me.device AND f.job_id IS NULL)
-                     AND NOT ",
-    can_continue!("found", "me"),
-    "
-                THEN found.fill_digest END AS fill
-    FROM heads CROSS JOIN workers me CROSS JOIN jobs found ON found.seq IN (
-        SELECT first.seq FROM (SELECT j.seq, j.id, j.fill_digest FROM jobs j
-        WHERE ",
-    claimable!("j"),
-    "
-          AND j.priority = heads.priority AND j.owner = heads.owner AND j.queue = heads.queue
-          AND (j.sweep_id IS NULL OR j.sweep_id NOT IN (SELECT id FROM sweeps WHERE state <> 'ready'))
-          AND ",
-    fits!("j", "me"),
-    "
-          AND ",
-    is_left_to!("j", "me"),
-    "
-        ORDER BY j.queue_position, j.seq LIMIT ?4 + 500) AS first
-        WHERE first.fill_digest IS NULL OR NOT ?5
-           OR NOT EXISTS ",
-    computing_attempt!("1", "first", "me"),
-    "
-           OR ",
-    can_continue!("first", "me"),
-    "
-        LIMIT ?4)
     WHERE me.id = ?1 AND me.draining = 0
       AND heads.queue NOT IN (SELECT seq FROM sweeps WHERE state <> 'ready')"
 );
 
+/// The same for PostgreSQL, which would test each job against such a list, but makes one list per queue for a lateral join. SQLite has none.
+const ELIGIBLE_JOBS_IN_POSTGRES: &str = eligible_jobs!(
+    "LATERAL (
+        SELECT first.* FROM (SELECT j.seq, j.id, j.fill_digest, j.queue_position, j.alone",
+    " AS found
+    WHERE me.id = ?1 AND me.draining = 0
+      AND heads.queue NOT IN (SELECT seq FROM sweeps WHERE state <> 'ready')
+    ORDER BY heads.priority DESC, heads.owner, heads.queue"
+);
+
+/// [`ELIGIBLE_JOBS`] in the words of an engine.
+pub(super) fn eligible_jobs(engine: Engine) -> &'static str {
+    match engine {
+        Engine::Sqlite => ELIGIBLE_JOBS,
+        Engine::Postgres => ELIGIBLE_JOBS_IN_POSTGRES,
+    }
+}
+
 /// The rounds of the owners of some priorities.
-pub(super) const ROUNDS: &str =
-    "SELECT priority, owner, round FROM fair_share WHERE priority IN (SELECT value FROM json_each(?))";
+pub(super) const ROUNDS: &str = "SELECT priority, owner, round FROM fair_share WHERE priority IN (SELECT CAST(atom AS BIGINT) FROM json_each(?))";
 
 /// Numbers of the fills that the jobs of one batch of claims would compute. Devices that differ share none.
 #[derive(Default)]
@@ -205,7 +235,7 @@ impl FillNumbers {
 /// The first jobs that a worker can run: up to `max` of each queue of an owner, and more where many would compute the same fill.
 /// Priorities below those that suffice are not read.
 pub(super) async fn candidates(
-    tx: &mut SqliteConnection,
+    tx: &mut Connection,
     claim: Claim,
     now: Now,
     max: usize,
@@ -230,14 +260,14 @@ fn distinct(jobs: &[EligibleJob]) -> usize {
 
 /// Up to `limit` jobs of each queue, until there are `max` that can run at the same time.
 async fn list(
-    tx: &mut SqliteConnection,
+    tx: &mut Connection,
     claim: Claim,
     now: Now,
     (max, limit): (usize, usize),
     (numbers, device): (&mut FillNumbers, &FillDevice),
 ) -> Result<Vec<OwnerQueue>, StoreError> {
     let (since, until) = online_window(now.wall, claim.lease);
-    let mut rows = sqlx::query(ELIGIBLE_JOBS)
+    let mut rows = query(eligible_jobs(tx.engine()))
         .bind(claim.worker.to_string())
         .bind(since.0)
         .bind(until.0)
@@ -271,10 +301,7 @@ async fn list(
 }
 
 /// The rounds of all owners at the priorities of these queues.
-pub(super) async fn rounds(
-    tx: &mut SqliteConnection,
-    queues: &[Vec<OwnerQueue>],
-) -> Result<Rounds, StoreError> {
+pub(super) async fn rounds(tx: &mut Connection, queues: &[Vec<OwnerQueue>]) -> Result<Rounds, StoreError> {
     let mut priorities: Vec<i32> = queues.iter().flatten().map(|queue| queue.priority).collect();
     priorities.sort_unstable();
     priorities.dedup();
@@ -282,7 +309,7 @@ pub(super) async fn rounds(
     if priorities.is_empty() {
         return Ok(rounds);
     }
-    for row in sqlx::query(ROUNDS).bind(to_json("priorities", &priorities)?).fetch_all(&mut *tx).await? {
+    for row in query(ROUNDS).bind(to_json("priorities", &priorities)?).fetch_all(&mut *tx).await? {
         rounds.record(row.column("priority")?, row.column("owner")?, row.column("round")?);
     }
     Ok(rounds)

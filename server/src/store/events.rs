@@ -4,6 +4,7 @@ use roost_api::event::JobEvent;
 use roost_api::time::Timestamp;
 
 use super::columns::Columns;
+use super::database::{Row, query, query_as};
 use super::versions::Subject;
 use super::{Store, StoreError};
 
@@ -22,9 +23,9 @@ impl Store {
             Subject::Sweep(id) => (OF_SWEEP, id.to_string()),
             _ => return Ok(Vec::new()),
         };
-        let rows = sqlx::query(sql).bind(id).bind(after).bind(BATCH).fetch_all(&self.readers).await?;
+        let rows = query(sql).bind(id).bind(after).bind(BATCH).fetch_all(&self.readers).await?;
         let event = |row| {
-            let row: &sqlx::sqlite::SqliteRow = row;
+            let row: &Row = row;
             let event = JobEvent {
                 job_id: row.parsed("job_id")?,
                 state: row.parsed("state")?,
@@ -44,7 +45,7 @@ impl Store {
         // The newest event may be deleted.
         let sql = "SELECT coalesce((SELECT min(seq) FROM events), last.seq + 1, 0), coalesce(last.seq, 0)
                    FROM (SELECT max(seq) AS seq FROM sqlite_sequence WHERE name = 'events') last";
-        Ok(sqlx::query_as(sql).fetch_one(&self.readers).await?)
+        Ok(query_as(sql).fetch_one(&self.readers).await?)
     }
 
     /// Deletes events and idempotency keys older than `before`.
@@ -55,8 +56,8 @@ impl Store {
                     // Numbers have the order of time, so that no index on `at` is needed.
                     let sql = "DELETE FROM events WHERE seq < (SELECT min(seq) FROM events WHERE at >= ?1)
                                  OR (SELECT max(at) FROM events) < ?1";
-                    sqlx::query(sql).bind(before.0).execute(&mut *tx).await?;
-                    sqlx::query("DELETE FROM submissions WHERE created_at < ?")
+                    query(sql).bind(before.0).execute(&mut *tx).await?;
+                    query("DELETE FROM submissions WHERE created_at < ?")
                         .bind(before.0)
                         .execute(&mut *tx)
                         .await?;

@@ -5,10 +5,9 @@ use std::collections::HashSet;
 use roost_api::ids::JobId;
 use roost_api::job::AttemptOutcome;
 use roost_api::time::Timestamp;
-use sqlx::sqlite::SqliteRow;
-use sqlx::{AssertSqlSafe, SqliteConnection};
 
 use super::columns::{Columns, to_json};
+use super::database::{AssertSqlSafe, Connection, Row, query, query_scalar};
 use super::transitions::{AttemptEnd, JOB_COLUMNS, end_attempts, job_snapshot};
 use super::{Store, StoreError};
 use crate::clock::Now;
@@ -29,7 +28,7 @@ impl Store {
     /// Ends expired leases and pauses, and attempts past their deadline.
     pub(crate) async fn expire(&self, policy: RetryPolicy, now: Now) -> Result<Expired, StoreError> {
         // Usually nothing has expired: a reader finds out without the writer.
-        let any: bool = sqlx::query_scalar(
+        let any: bool = query_scalar(
             "SELECT EXISTS (SELECT 1 FROM jobs WHERE state = 'running' AND lease_expires_at <= ?1)
                  OR EXISTS (SELECT 1 FROM jobs WHERE state = 'running' AND deadline <= ?1)
                  OR EXISTS (SELECT 1 FROM jobs WHERE not_before <= ?1)",
@@ -46,7 +45,7 @@ impl Store {
                     let mut changes = expire_leases(tx, policy, now).await?;
                     let lost = changes.len();
                     changes.extend(end_overdue(tx, now).await?);
-                    let resumed = sqlx::query("UPDATE jobs SET not_before = NULL WHERE not_before <= ?")
+                    let resumed = query("UPDATE jobs SET not_before = NULL WHERE not_before <= ?")
                         .bind(now.lease.0)
                         .execute(&mut *tx)
                         .await?;
@@ -59,12 +58,11 @@ impl Store {
     /// The running jobs of a list.
     pub(crate) async fn running_of(&self, jobs: &[JobId]) -> Result<HashSet<JobId>, StoreError> {
         let ids: Vec<_> = jobs.iter().map(ToString::to_string).collect();
-        let rows = sqlx::query(
-            "SELECT id FROM jobs WHERE id IN (SELECT value FROM json_each(?)) AND state = 'running'",
-        )
-        .bind(to_json("ids", &ids)?)
-        .fetch_all(&self.readers)
-        .await?;
+        let rows =
+            query("SELECT id FROM jobs WHERE id IN (SELECT atom FROM json_each(?)) AND state = 'running'")
+                .bind(to_json("ids", &ids)?)
+                .fetch_all(&self.readers)
+                .await?;
         rows.iter().map(|row| row.parsed("id")).collect()
     }
 
@@ -74,12 +72,12 @@ impl Store {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    sqlx::query("UPDATE jobs SET not_before = NULL WHERE not_before IS NOT NULL")
+                    query("UPDATE jobs SET not_before = NULL WHERE not_before IS NOT NULL")
                         .execute(&mut *tx)
                         .await?;
-                    let extended = sqlx::query(
+                    let extended = query(
                         "UPDATE jobs SET lease_expires_at = ?1,
-                                         deadline = ?1 + CAST(max_wall_s * 1000 AS INTEGER) WHERE state = 'running'",
+                                         deadline = ?1 + CAST(max_wall_s * 1000 AS BIGINT) WHERE state = 'running'",
                     )
                     .bind(until.0)
                     .execute(&mut *tx)
@@ -93,7 +91,7 @@ impl Store {
 
 /// Ends expired leases. A job had others beside it if its worker lost another job or runs one now.
 async fn expire_leases(
-    tx: &mut SqliteConnection,
+    tx: &mut Connection,
     policy: RetryPolicy,
     now: Now,
 ) -> Result<Vec<(JobId, JobChange)>, StoreError> {
@@ -105,9 +103,9 @@ async fn expire_leases(
                         AND c.outcome = 'lost') AS had_others
          FROM jobs j WHERE j.state = 'running' AND j.lease_expires_at <= ?"
     );
-    let rows = sqlx::query(AssertSqlSafe(sql)).bind(now.lease.0).fetch_all(&mut *tx).await?;
+    let rows = query(AssertSqlSafe(sql)).bind(now.lease.0).fetch_all(&mut *tx).await?;
     let message = "the lease expired without a heartbeat";
-    let decide = |row: &SqliteRow| {
+    let decide = |row: &Row| {
         let (job, expiry) = (job_snapshot(row)?, row.moment("lease_expires_at")?);
         Ok(on_lease_expired(&job, expiry, row.column("had_others")?, policy, now.lease))
     };
@@ -115,19 +113,19 @@ async fn expire_leases(
 }
 
 /// Ends attempts past their deadline.
-async fn end_overdue(tx: &mut SqliteConnection, now: Now) -> Result<Vec<(JobId, JobChange)>, StoreError> {
+async fn end_overdue(tx: &mut Connection, now: Now) -> Result<Vec<(JobId, JobChange)>, StoreError> {
     let sql =
         format!("SELECT j.deadline, {JOB_COLUMNS} FROM jobs j WHERE j.state = 'running' AND j.deadline <= ?");
-    let rows = sqlx::query(AssertSqlSafe(sql)).bind(now.lease.0).fetch_all(&mut *tx).await?;
+    let rows = query(AssertSqlSafe(sql)).bind(now.lease.0).fetch_all(&mut *tx).await?;
     let message = "the attempt ran past max_wall_s and its worker did not stop it";
-    let decide = |row: &SqliteRow| Ok(on_deadline(&job_snapshot(row)?, row.moment("deadline")?, now.lease));
+    let decide = |row: &Row| Ok(on_deadline(&job_snapshot(row)?, row.moment("deadline")?, now.lease));
     end_all(tx, &rows, decide, AttemptOutcome::Timeout, message, now).await
 }
 
 async fn end_all(
-    tx: &mut SqliteConnection,
-    rows: &[SqliteRow],
-    decide: impl Fn(&SqliteRow) -> Result<Option<JobChange>, StoreError>,
+    tx: &mut Connection,
+    rows: &[Row],
+    decide: impl Fn(&Row) -> Result<Option<JobChange>, StoreError>,
     outcome: AttemptOutcome,
     message: &str,
     now: Now,

@@ -5,10 +5,10 @@ use roost_api::ids::SweepId;
 use roost_api::time::Timestamp;
 use roost_solver::scenario::{self, Scenario};
 use serde_json::Value;
-use sqlx::SqliteConnection;
 use uuid::Uuid;
 
 use super::columns::{Columns, corrupt, from_json};
+use super::database::{Connection, query, query_scalar};
 use super::job_rows::{JobBatches, JobOptions, queue_start};
 use super::submit::queue_jobs;
 use super::{Store, StoreError};
@@ -71,12 +71,12 @@ impl NewExtension {
 impl Store {
     /// The stored state of a sweep that is to be extended.
     pub(crate) async fn stored_sweep(&self, id: SweepId) -> Result<Option<StoredSweep>, StoreError> {
-        let row = sqlx::query("SELECT spec, replicates FROM sweeps WHERE id = ? AND state = 'ready'")
+        let row = query("SELECT spec, replicates FROM sweeps WHERE id = ? AND state = 'ready'")
             .bind(id.to_string())
             .fetch_optional(&self.readers)
             .await?;
         let Some(row) = row else { return Ok(None) };
-        let points = sqlx::query("SELECT levels FROM design_points WHERE sweep_id = ? ORDER BY point")
+        let points = query("SELECT levels FROM design_points WHERE sweep_id = ? ORDER BY point")
             .bind(id.to_string())
             .fetch_all(&self.readers)
             .await?;
@@ -91,16 +91,15 @@ impl Store {
     /// Whether an extension is stored.
     pub(crate) async fn is_extended(&self, extension: Uuid) -> Result<bool, StoreError> {
         let sql = "SELECT EXISTS (SELECT 1 FROM extensions WHERE id = ?)";
-        Ok(sqlx::query_scalar(sql).bind(extension.to_string()).fetch_one(&self.readers).await?)
+        Ok(query_scalar(sql).bind(extension.to_string()).fetch_one(&self.readers).await?)
     }
 
     /// The factors of a sweep, as submitted.
     pub(crate) async fn factors(&self, id: SweepId) -> Result<Option<Vec<Factor>>, StoreError> {
-        let spec: Option<String> =
-            sqlx::query_scalar("SELECT spec FROM sweeps WHERE id = ? AND state = 'ready'")
-                .bind(id.to_string())
-                .fetch_optional(&self.readers)
-                .await?;
+        let spec: Option<String> = query_scalar("SELECT spec FROM sweeps WHERE id = ? AND state = 'ready'")
+            .bind(id.to_string())
+            .fetch_optional(&self.readers)
+            .await?;
         spec.map(|text| from_json("spec", &text).map(|spec| factors(&spec))).transpose()
     }
 
@@ -112,7 +111,7 @@ impl Store {
 
     /// The scenario of each point's first replicate, as it was queued.
     pub(crate) async fn first_scenarios(&self, id: SweepId) -> Result<Vec<(u32, Scenario)>, StoreError> {
-        let rows = sqlx::query(
+        let rows = query(
             "SELECT j.point, s.body FROM jobs j JOIN scenarios s ON s.digest = j.scenario_digest
              WHERE j.sweep_id = ? AND j.replicate = 0 ORDER BY j.point",
         )
@@ -129,13 +128,9 @@ impl Store {
     }
 }
 
-async fn extend_sweep(
-    tx: &mut SqliteConnection,
-    more: NewExtension,
-    now: Timestamp,
-) -> Result<bool, StoreError> {
+async fn extend_sweep(tx: &mut Connection, more: NewExtension, now: Timestamp) -> Result<bool, StoreError> {
     let NewExtension { id, extension, body, before, after, mut batches, options } = more;
-    let grown = sqlx::query(
+    let grown = query(
         "UPDATE sweeps SET points = ?, replicates = ?
          WHERE id = ? AND points = ? AND replicates = ? AND state = 'ready'",
     )
@@ -150,7 +145,7 @@ async fn extend_sweep(
     if grown == 0 {
         return Ok(false);
     }
-    sqlx::query(
+    query(
         "INSERT INTO extensions (id, sweep_id, body, points_before, replicates_before, extended_at)
          VALUES (?, ?, ?, ?, ?, ?)",
     )

@@ -14,6 +14,7 @@ use roost_api::ids::{JobId, WorkerId};
 use roost_api::time::Timestamp;
 
 use super::columns::Columns;
+use super::database::query;
 use super::objects::Staged;
 use super::transitions::fenced;
 use super::{Store, StoreError};
@@ -54,7 +55,7 @@ const DELETE_SURPLUS: &str = "DELETE FROM fills WHERE (fill_digest, solver_revis
     SELECT fill_digest, solver_revision, backend, device FROM (
         SELECT fill_digest, solver_revision, backend, device,
                sum(bytes) OVER (ORDER BY used_at DESC, fill_digest, solver_revision, backend, device) AS total
-        FROM fills WHERE object_digest IS NOT NULL)
+        FROM fills WHERE object_digest IS NOT NULL) AS sized
     WHERE total > ?)";
 
 /// Deletes fills that nobody has used since the first time, and withdrawn ones since the second.
@@ -81,7 +82,7 @@ impl Store {
                     let recorded = match fenced(tx, job, attempt, worker).await? {
                         Ok(fenced) => {
                             let made_by = fenced.provenance;
-                            let recorded = sqlx::query(RECORD)
+                            let recorded = query(RECORD)
                                 .bind(made_by.revision)
                                 .bind(made_by.backend)
                                 .bind(made_by.device)
@@ -97,10 +98,10 @@ impl Store {
                     };
                     if recorded == Ok(true) {
                         let limit = i64::try_from(limit_bytes).unwrap_or(i64::MAX);
-                        sqlx::query(DELETE_SURPLUS).bind(limit).execute(&mut *tx).await?;
+                        query(DELETE_SURPLUS).bind(limit).execute(&mut *tx).await?;
                     } else {
                         let sql = "INSERT INTO unnamed_objects (digest) VALUES (?) ON CONFLICT DO NOTHING";
-                        sqlx::query(sql).bind(object).execute(&mut *tx).await?;
+                        query(sql).bind(object).execute(&mut *tx).await?;
                     }
                     Ok(recorded)
                 })
@@ -110,8 +111,7 @@ impl Store {
 
     /// The stored fill that an attempt may start from.
     pub(crate) async fn fill(&self, job: JobId, attempt: u32) -> Result<Option<StoredFill>, StoreError> {
-        let row =
-            sqlx::query(STORED).bind(attempt).bind(job.to_string()).fetch_optional(&self.readers).await?;
+        let row = query(STORED).bind(attempt).bind(job.to_string()).fetch_optional(&self.readers).await?;
         row.map(|row| Ok(StoredFill { digest: row.column("object_digest")?, bytes: row.number("bytes")? }))
             .transpose()
     }
@@ -133,7 +133,7 @@ impl Store {
                         Ok(fenced) => fenced.provenance,
                         Err(refusal) => return Ok(Err(refusal)),
                     };
-                    let withdrawn = sqlx::query(WITHDRAW)
+                    let withdrawn = query(WITHDRAW)
                         .bind(job.to_string())
                         .bind(attempt)
                         .bind(object)
@@ -152,11 +152,11 @@ impl Store {
     /// Forgets that attempts compute a fill that have ended without storing it; returns how many.
     pub(crate) async fn forget_ended_fills(&self) -> Result<u64, StoreError> {
         // Usually there is none: a reader finds out without the writer.
-        if sqlx::query(ENDED).fetch_optional(&self.readers).await?.is_none() {
+        if query(ENDED).fetch_optional(&self.readers).await?.is_none() {
             return Ok(0);
         }
         let ended = self.writer.write(move |tx| {
-            Box::pin(async move { Ok(sqlx::query(DELETE_ENDED).execute(tx).await?.rows_affected()) })
+            Box::pin(async move { Ok(query(DELETE_ENDED).execute(tx).await?.rows_affected()) })
         });
         ended.await
     }
@@ -169,7 +169,7 @@ impl Store {
     ) -> Result<u64, StoreError> {
         let pruned = self.writer.write(move |tx| {
             Box::pin(async move {
-                let pruned = sqlx::query(DELETE_UNUSED).bind(unused.0).bind(withdrawn.0).execute(tx).await?;
+                let pruned = query(DELETE_UNUSED).bind(unused.0).bind(withdrawn.0).execute(tx).await?;
                 Ok(pruned.rows_affected())
             })
         });

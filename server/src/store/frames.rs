@@ -8,10 +8,9 @@ use roost_api::frames::FramesView;
 use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::JobState;
 use roost_api::time::Timestamp;
-use sqlx::SqliteConnection;
-use sqlx::sqlite::SqliteRow;
 
 use super::columns::{Columns, to_json};
+use super::database::{Connection, Row, query, query_scalar};
 use super::objects::{Reading, StageError, Staged};
 use super::transitions::fenced;
 use super::{Store, StoreError};
@@ -21,10 +20,10 @@ use crate::queue::Refusal;
 const BATCH: usize = 1000;
 
 /// The objects of a list that no row names.
-pub(super) const UNREFERENCED: &str = "SELECT value FROM json_each(?)
-    WHERE NOT EXISTS (SELECT 1 FROM frames WHERE object_digest = value)
-      AND NOT EXISTS (SELECT 1 FROM checkpoints WHERE object_digest = value)
-      AND NOT EXISTS (SELECT 1 FROM fills WHERE object_digest = value)";
+pub(super) const UNREFERENCED: &str = "SELECT atom FROM json_each(?)
+    WHERE NOT EXISTS (SELECT 1 FROM frames WHERE object_digest = atom)
+      AND NOT EXISTS (SELECT 1 FROM checkpoints WHERE object_digest = atom)
+      AND NOT EXISTS (SELECT 1 FROM fills WHERE object_digest = atom)";
 
 /// The frames of a job.
 pub(crate) struct StoredFrames {
@@ -80,7 +79,7 @@ impl Store {
                     if let Err(refusal) = may_write(tx, job, attempt, worker).await? {
                         return Ok(Err(refusal));
                     }
-                    let recorded = sqlx::query(
+                    let recorded = query(
                         "INSERT INTO frames (job_id, attempt, object_digest, bytes, count, stop_reason, recorded_at)
                          VALUES (?, ?, ?, ?, ?, ?, ?)
                          ON CONFLICT (job_id) DO UPDATE SET attempt = excluded.attempt, object_digest = excluded.object_digest,
@@ -108,7 +107,7 @@ impl Store {
         &self,
         id: JobId,
     ) -> Result<Result<Option<StoredFrames>, Refusal>, StoreError> {
-        let row = sqlx::query(
+        let row = query(
             "SELECT j.state, f.object_digest, f.bytes FROM jobs j
              LEFT JOIN frames f ON f.job_id = j.id AND f.attempt = j.attempt WHERE j.id = ?",
         )
@@ -139,18 +138,15 @@ impl Store {
     pub(super) async fn remove_unreferenced(&self, objects: &[String]) -> Result<u64, StoreError> {
         let mut removed = 0;
         for some in objects.chunks(BATCH) {
-            let unreferenced: Vec<String> = sqlx::query_scalar(UNREFERENCED)
-                .bind(to_json("objects", &some)?)
-                .fetch_all(&self.readers)
-                .await?;
+            let unreferenced: Vec<String> =
+                query_scalar(UNREFERENCED).bind(to_json("objects", &some)?).fetch_all(&self.readers).await?;
             for object in unreferenced {
                 // Checked again under the lock: a row may have named it meanwhile.
                 let _lock = self.objects.lock_removal().await;
                 let sql = "SELECT EXISTS (SELECT 1 FROM frames WHERE object_digest = ?1)
                                   OR EXISTS (SELECT 1 FROM checkpoints WHERE object_digest = ?1)
                                   OR EXISTS (SELECT 1 FROM fills WHERE object_digest = ?1)";
-                let is_referenced: bool =
-                    sqlx::query_scalar(sql).bind(&object).fetch_one(&self.readers).await?;
+                let is_referenced: bool = query_scalar(sql).bind(&object).fetch_one(&self.readers).await?;
                 if !is_referenced && self.objects.remove(&object).await? {
                     removed += 1;
                 }
@@ -162,7 +158,7 @@ impl Store {
 
 /// Whether an attempt may write.
 async fn may_write(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     job: JobId,
     attempt: u32,
     worker: WorkerId,
@@ -171,7 +167,7 @@ async fn may_write(
 }
 
 /// The frames of a row of a job.
-pub(super) fn frames_view(row: &SqliteRow) -> Result<Option<FramesView>, StoreError> {
+pub(super) fn frames_view(row: &Row) -> Result<Option<FramesView>, StoreError> {
     let Some(bytes) = row.number_opt("frames_bytes")? else { return Ok(None) };
     let (count, stopped) = (row.number("frames_count")?, row.column("frames_stop_reason")?);
     Ok(Some(FramesView { bytes, count, stopped }))

@@ -11,10 +11,10 @@ use roost_api::ids::{JobId, WorkerId};
 use roost_api::lease::{AttemptDirective, Directive, HeartbeatReply};
 use roost_api::time::Timestamp;
 use serde_json::{Value, json};
-use sqlx::SqliteConnection;
 
 use super::batcher::Batcher;
 use super::columns::{Columns, to_json};
+use super::database::{Connection, query};
 use super::transitions::{AttemptRef, FencedAttempt, fence_attempts};
 use super::writer::Writer;
 use super::{Store, StoreError};
@@ -65,7 +65,7 @@ impl Store {
 }
 
 /// Renews the leases of a batch of workers, and answers in their order.
-async fn renew_all(tx: &mut SqliteConnection, batch: &[Arc<Beats>]) -> Result<Vec<Answer>, StoreError> {
+async fn renew_all(tx: &mut Connection, batch: &[Arc<Beats>]) -> Result<Vec<Answer>, StoreError> {
     let draining = mark_seen(tx, batch).await?;
     let effects = effects(tx, batch).await?;
     let mut renewed: Vec<Value> = Vec::new();
@@ -90,7 +90,7 @@ async fn renew_all(tx: &mut SqliteConnection, batch: &[Arc<Beats>]) -> Result<Ve
     }
     if !renewed.is_empty() {
         let renewed = to_json("beats", &renewed)?;
-        sqlx::query(RENEW).bind(&renewed).bind(&renewed).execute(&mut *tx).await?;
+        query(RENEW).bind(&renewed).bind(&renewed).execute(&mut *tx).await?;
     }
     Ok(answers)
 }
@@ -98,28 +98,26 @@ async fn renew_all(tx: &mut SqliteConnection, batch: &[Arc<Beats>]) -> Result<Ve
 /// Renews leases. A job that was back in the queue was never lost, nor was its attempt: its pause and `alone` go.
 pub(super) const RENEW: &str = "
     UPDATE jobs SET alone = CASE state WHEN 'queued' THEN 0 ELSE alone END, state = 'running', not_before = NULL,
-                    worker_id = beat.value ->> 'worker', lease_expires_at = beat.value ->> 'until'
+                    worker_id = beat.value ->> 'worker', lease_expires_at = CAST(beat.value ->> 'until' AS BIGINT)
     FROM json_each(?) AS beat WHERE jobs.id = beat.value ->> 'job';
     UPDATE attempts SET outcome = NULL, message = NULL, ended_at = NULL
     FROM json_each(?) AS beat
-    WHERE attempts.job_id = beat.value ->> 'job' AND attempts.number = beat.value ->> 'attempt'
+    WHERE attempts.job_id = beat.value ->> 'job' AND attempts.number = CAST(beat.value ->> 'attempt' AS BIGINT)
       AND attempts.outcome IS NOT NULL";
 
 /// Records that the workers were seen, and returns whether each registered one is draining.
-async fn mark_seen(
-    tx: &mut SqliteConnection,
-    batch: &[Arc<Beats>],
-) -> Result<HashMap<WorkerId, bool>, StoreError> {
+async fn mark_seen(tx: &mut Connection, batch: &[Arc<Beats>]) -> Result<HashMap<WorkerId, bool>, StoreError> {
     let workers: Vec<_> = batch.iter().map(|beats| json!({"id": beats.worker, "at": beats.now.0})).collect();
     // The time may be earlier than the stored one, when the clock was set back.
-    let sql = "UPDATE workers SET last_seen_at = seen.value ->> 'at' FROM json_each(?) AS seen
+    let sql =
+        "UPDATE workers SET last_seen_at = CAST(seen.value ->> 'at' AS BIGINT) FROM json_each(?) AS seen
                WHERE workers.id = seen.value ->> 'id' RETURNING workers.id, draining";
-    let rows = sqlx::query(sql).bind(to_json("workers", &workers)?).fetch_all(&mut *tx).await?;
+    let rows = query(sql).bind(to_json("workers", &workers)?).fetch_all(&mut *tx).await?;
     rows.iter().map(|row| Ok((row.parsed("id")?, row.column("draining")?))).collect()
 }
 
 /// The effect of every beat of the batch, in order.
-async fn effects(tx: &mut SqliteConnection, batch: &[Arc<Beats>]) -> Result<Vec<BeatEffect>, StoreError> {
+async fn effects(tx: &mut Connection, batch: &[Arc<Beats>]) -> Result<Vec<BeatEffect>, StoreError> {
     let all = batch.iter().flat_map(|beats| beats.beats.iter().map(move |beat| (beats, beat)));
     let (attempts, until): (Vec<_>, Vec<_>) = all
         .map(|(beats, beat)| {

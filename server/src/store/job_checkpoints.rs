@@ -4,9 +4,9 @@
 
 use roost_api::checkpoint::CheckpointView;
 use roost_api::ids::{JobId, WorkerId};
-use sqlx::sqlite::SqliteRow;
 
 use super::columns::{Columns, to_json};
+use super::database::{AssertSqlSafe, Row, query, query_scalar};
 use super::objects::Staged;
 use super::transitions::fenced;
 use super::{Store, StoreError};
@@ -30,7 +30,7 @@ pub(super) const COLUMNS: &str = "c.attempt AS checkpoint_attempt, c.object_dige
     c.backend AS checkpoint_backend, c.device AS checkpoint_device";
 
 /// The checkpoint of a row with [`COLUMNS`].
-pub(super) fn checkpoint_view(row: &SqliteRow) -> Result<Option<CheckpointView>, StoreError> {
+pub(super) fn checkpoint_view(row: &Row) -> Result<Option<CheckpointView>, StoreError> {
     let Some(attempt) = row.number_opt("checkpoint_attempt")? else { return Ok(None) };
     Ok(Some(CheckpointView {
         attempt,
@@ -72,7 +72,7 @@ impl Store {
                     let recorded = match fenced(tx, job, attempt, worker).await? {
                         Ok(fenced) => {
                             let made_by = fenced.provenance;
-                            let recorded = sqlx::query(RECORD)
+                            let recorded = query(RECORD)
                                 .bind(job.to_string())
                                 .bind(attempt)
                                 .bind(&object)
@@ -89,7 +89,7 @@ impl Store {
                     };
                     if recorded != Ok(true) {
                         let sql = "INSERT INTO unnamed_objects (digest) VALUES (?) ON CONFLICT DO NOTHING";
-                        sqlx::query(sql).bind(object).execute(&mut *tx).await?;
+                        query(sql).bind(object).execute(&mut *tx).await?;
                     }
                     Ok(recorded)
                 })
@@ -106,7 +106,7 @@ impl Store {
         let sql = format!(
             "SELECT {COLUMNS} FROM jobs j LEFT JOIN checkpoints c ON c.job_id = j.id AND c.attempt = ? WHERE j.id = ?"
         );
-        let row = sqlx::query(sqlx::AssertSqlSafe(sql))
+        let row = query(AssertSqlSafe(sql))
             .bind(attempt)
             .bind(job.to_string())
             .fetch_optional(&self.readers)
@@ -131,7 +131,7 @@ impl Store {
                         "DELETE FROM checkpoints WHERE job_id = ? AND attempt < ?",
                         "UPDATE attempts SET resumed_from_s = NULL WHERE job_id = ? AND number = ?",
                     ] {
-                        sqlx::query(sql).bind(job.to_string()).bind(attempt).execute(&mut *tx).await?;
+                        query(sql).bind(job.to_string()).bind(attempt).execute(&mut *tx).await?;
                     }
                     Ok(Ok(()))
                 })
@@ -141,7 +141,7 @@ impl Store {
 
     /// Removes objects that have lost their last name; returns how many.
     pub(crate) async fn remove_unnamed_objects(&self) -> Result<u64, StoreError> {
-        let unnamed: Vec<String> = sqlx::query_scalar(UNNAMED).fetch_all(&self.readers).await?;
+        let unnamed: Vec<String> = query_scalar(UNNAMED).fetch_all(&self.readers).await?;
         if unnamed.is_empty() {
             return Ok(0);
         }
@@ -150,8 +150,8 @@ impl Store {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    let sql = "DELETE FROM unnamed_objects WHERE digest IN (SELECT value FROM json_each(?))";
-                    Ok(sqlx::query(sql).bind(done).execute(&mut *tx).await.map(drop)?)
+                    let sql = "DELETE FROM unnamed_objects WHERE digest IN (SELECT atom FROM json_each(?))";
+                    Ok(query(sql).bind(done).execute(&mut *tx).await.map(drop)?)
                 })
             })
             .await?;

@@ -5,10 +5,9 @@ use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{FailureClass, JobState};
 use roost_api::study::StudyState;
 use roost_api::time::Timestamp;
-use sqlx::sqlite::SqliteRow;
-use sqlx::{AssertSqlSafe, SqliteConnection};
 
 use super::columns::{Columns, to_json};
+use super::database::{AssertSqlSafe, Connection, Row, query, query_scalar};
 use super::writer::SLICE;
 use super::{Store, StoreError};
 use crate::queue::{CancelEffect, Refusal, on_cancel, on_retry};
@@ -114,7 +113,7 @@ impl Store {
 
     /// Pauses or resumes the jobs of a sweep that have not ended, in slices.
     async fn pause_jobs(&self, id: SweepId, pause: bool) -> Result<Result<(), Refusal>, StoreError> {
-        let sql = sqlx::query_scalar(UNENDED).bind(id.to_string()).bind(pause);
+        let sql = query_scalar(UNENDED).bind(id.to_string()).bind(pause);
         let mut unended: Vec<i64> = sql.fetch_all(&self.readers).await?;
         unended.sort_unstable();
         for slice in unended.chunks(SLICE) {
@@ -167,7 +166,7 @@ impl Store {
         }
         // By number: a job that fails again meanwhile is not queued twice.
         let mut failed: Vec<i64> = Vec::new();
-        let mut rows = sqlx::query(FAILED).bind(id.to_string()).fetch(&self.readers);
+        let mut rows = query(FAILED).bind(id.to_string()).fetch(&self.readers);
         while let Some(row) = rows.try_next().await? {
             if is_retryable(&row, class_filter)? {
                 failed.push(row.column("seq")?);
@@ -222,28 +221,28 @@ impl Scope {
     }
 }
 
-async fn job(tx: &mut SqliteConnection, id: JobId) -> Result<Option<SqliteRow>, StoreError> {
-    Ok(sqlx::query(JOB).bind(id.to_string()).fetch_optional(&mut *tx).await?)
+async fn job(tx: &mut Connection, id: JobId) -> Result<Option<Row>, StoreError> {
+    Ok(query(JOB).bind(id.to_string()).fetch_optional(&mut *tx).await?)
 }
 
-async fn sweep_exists(tx: &mut SqliteConnection, id: SweepId) -> Result<bool, StoreError> {
-    Ok(sqlx::query_scalar(SWEEP_EXISTS).bind(id.to_string()).fetch_one(&mut *tx).await?)
+async fn sweep_exists(tx: &mut Connection, id: SweepId) -> Result<bool, StoreError> {
+    Ok(query_scalar(SWEEP_EXISTS).bind(id.to_string()).fetch_one(&mut *tx).await?)
 }
 
-fn is_retryable(row: &SqliteRow, class_filter: Option<FailureClass>) -> Result<bool, StoreError> {
+fn is_retryable(row: &Row, class_filter: Option<FailureClass>) -> Result<bool, StoreError> {
     Ok(on_retry(row.parsed("state")?, row.parsed_opt("failure_class")?, class_filter).is_ok())
 }
 
 /// Pauses or resumes those of these jobs that have not ended.
-async fn set_paused(tx: &mut SqliteConnection, jobs: &[i64], pause: bool) -> Result<(), StoreError> {
-    let sql = "UPDATE jobs SET paused = ?1 WHERE seq IN (SELECT value FROM json_each(?2))
+async fn set_paused(tx: &mut Connection, jobs: &[i64], pause: bool) -> Result<(), StoreError> {
+    let sql = "UPDATE jobs SET paused = ?1 WHERE seq IN (SELECT CAST(atom AS BIGINT) FROM json_each(?2))
                AND ended_at IS NULL AND paused <> ?1";
-    sqlx::query(sql).bind(pause).bind(to_json("jobs", jobs)?).execute(&mut *tx).await?;
+    query(sql).bind(pause).bind(to_json("jobs", jobs)?).execute(&mut *tx).await?;
     Ok(())
 }
 
 /// Cancels queued jobs, and asks for the end of running ones, at most a slice of each. Returns the larger number.
-async fn cancel(tx: &mut SqliteConnection, scope: Scope, now: Timestamp) -> Result<u64, StoreError> {
+async fn cancel(tx: &mut Connection, scope: Scope, now: Timestamp) -> Result<u64, StoreError> {
     let (jobs, mut changed) = (scope.jobs(), 0);
     for state in JobState::ALL {
         let (change, unless) = match on_cancel(*state) {
@@ -254,7 +253,7 @@ async fn cancel(tx: &mut SqliteConnection, scope: Scope, now: Timestamp) -> Resu
         let sql = format!(
             "UPDATE jobs SET {change} WHERE seq IN (SELECT seq FROM {jobs} AND state = ? {unless} LIMIT ?)"
         );
-        let mut query = sqlx::query(AssertSqlSafe(sql));
+        let mut query = query(AssertSqlSafe(sql));
         if on_cancel(*state) == CancelEffect::Cancel {
             query = query.bind(now.0);
         }
@@ -267,13 +266,13 @@ async fn cancel(tx: &mut SqliteConnection, scope: Scope, now: Timestamp) -> Resu
 /// Queues those of these jobs again that may be, after `before` others of the same sweep; returns how many. They get positions as if they
 /// were submitted now: otherwise a large sweep would go before all others. Their owner stays the same.
 async fn requeue(
-    tx: &mut SqliteConnection,
+    tx: &mut Connection,
     jobs: &[i64],
     class_filter: Option<FailureClass>,
     before: u64,
 ) -> Result<u64, StoreError> {
-    let sql = "SELECT seq, state, failure_class FROM jobs WHERE seq IN (SELECT value FROM json_each(?))";
-    let rows = sqlx::query(sql).bind(to_json("jobs", jobs)?).fetch_all(&mut *tx).await?;
+    let sql = "SELECT seq, state, failure_class FROM jobs WHERE seq IN (SELECT CAST(atom AS BIGINT) FROM json_each(?))";
+    let rows = query(sql).bind(to_json("jobs", jobs)?).fetch_all(&mut *tx).await?;
     let mut again: Vec<i64> = Vec::with_capacity(rows.len());
     for row in &rows {
         if is_retryable(row, class_filter)? {
@@ -286,14 +285,14 @@ async fn requeue(
                         queue_position = ? + again.place + coalesce((SELECT queue_position FROM fair_share
                             WHERE fair_share.priority = jobs.priority AND fair_share.owner = jobs.owner), 0)
         FROM (SELECT seq, row_number() OVER (PARTITION BY owner ORDER BY queue_position, seq) - 1 AS place
-              FROM jobs WHERE seq IN (SELECT value FROM json_each(?))) AS again
+              FROM jobs WHERE seq IN (SELECT CAST(atom AS BIGINT) FROM json_each(?))) AS again
         WHERE jobs.seq = again.seq";
     let again = to_json("jobs", &again)?;
     // A study that had ended awaits the results of its jobs.
     let study = "UPDATE studies SET state = 'running', finished = NULL, changes = changes + 1
                  WHERE state IN ('finished', 'cancelled')
-                     AND sweep_id IN (SELECT sweep_id FROM jobs WHERE seq IN (SELECT value FROM json_each(?)))";
-    sqlx::query(study).bind(&again).execute(&mut *tx).await?;
-    let queued = sqlx::query(sql).bind(before as i64).bind(&again).execute(&mut *tx).await?;
+                     AND sweep_id IN (SELECT sweep_id FROM jobs WHERE seq IN (SELECT CAST(atom AS BIGINT) FROM json_each(?)))";
+    query(study).bind(&again).execute(&mut *tx).await?;
+    let queued = query(sql).bind(before as i64).bind(&again).execute(&mut *tx).await?;
     Ok(queued.rows_affected())
 }

@@ -10,11 +10,11 @@ use roost_api::job::{Cache, Needs};
 use roost_api::sweep::SweepSpec;
 use roost_api::time::Timestamp;
 use roost_solver::scenario::Scenario;
-use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 use tokio::sync::mpsc;
 
 use super::StoreError;
 use super::columns::to_json;
+use super::database::{Builder, Connection, query, query_as};
 use super::writer::SLICE;
 use crate::queue::Owner;
 use crate::sweep::Trial;
@@ -202,26 +202,23 @@ pub(super) struct QueueStart {
 }
 
 /// The place of new jobs: their owner, and the position that the owner's queue has reached.
-pub(super) async fn queue_start(
-    tx: &mut SqliteConnection,
-    options: &JobOptions,
-) -> Result<QueueStart, StoreError> {
+pub(super) async fn queue_start(tx: &mut Connection, options: &JobOptions) -> Result<QueueStart, StoreError> {
     let sql = "INSERT INTO owners (token_id) VALUES (?) ON CONFLICT (token_id) DO NOTHING";
-    sqlx::query(sql).bind(&options.token).execute(&mut *tx).await?;
+    query(sql).bind(&options.token).execute(&mut *tx).await?;
     let sql = "SELECT id, coalesce((SELECT queue_position FROM fair_share WHERE priority = ? AND owner = owners.id), 0)
                FROM owners WHERE token_id = ?";
     let (owner, position) =
-        sqlx::query_as(sql).bind(options.priority).bind(&options.token).fetch_one(&mut *tx).await?;
+        query_as(sql).bind(options.priority).bind(&options.token).fetch_one(&mut *tx).await?;
     Ok(QueueStart { owner, queue: 0, position })
 }
 
 /// Inserts the design points whose first jobs these are.
-pub(super) async fn insert_points(tx: &mut SqliteConnection, jobs: &[JobRow]) -> Result<(), StoreError> {
+pub(super) async fn insert_points(tx: &mut Connection, jobs: &[JobRow]) -> Result<(), StoreError> {
     let points: Vec<_> = jobs.iter().filter_map(|job| Some((job.place?, job.levels.as_ref()?))).collect();
     if points.is_empty() {
         return Ok(());
     }
-    let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO design_points (sweep_id, point, levels) ");
+    let mut query = Builder::new("INSERT INTO design_points (sweep_id, point, levels) ");
     query.push_values(points, |mut row, ((sweep, point, _), levels)| {
         row.push_bind(sweep.to_string()).push_bind(point).push_bind(levels);
     });
@@ -231,19 +228,19 @@ pub(super) async fn insert_points(tx: &mut SqliteConnection, jobs: &[JobRow]) ->
 
 /// Queues at least one and at most [`SLICE`] jobs from a place on.
 pub(super) async fn insert_jobs(
-    tx: &mut SqliteConnection,
+    tx: &mut Connection,
     jobs: &[JobRow],
     options: &JobOptions,
     start: QueueStart,
     now: Timestamp,
 ) -> Result<(), StoreError> {
-    let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO scenarios (digest, body) ");
+    let mut query = Builder::new("INSERT INTO scenarios (digest, body) ");
     query.push_values(jobs, |mut row, job| {
         row.push_bind(&job.digest).push_bind(&job.body);
     });
     query.push(" ON CONFLICT (digest) DO NOTHING").build().execute(&mut *tx).await?;
 
-    let mut query = QueryBuilder::<Sqlite>::new(
+    let mut query = Builder::new(
         "INSERT INTO jobs (id, sweep_id, point, replicate, scenario_digest, seed, priority, owner, queue, queue_position, labels,
          needs_backend, needs_memory_mib, max_wall_s, frame_interval_s, cache, shared_fill, fill_digest, submitted_at) ",
     );

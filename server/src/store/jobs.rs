@@ -2,10 +2,9 @@
 
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{FailureClass, JobState, JobView};
-use sqlx::sqlite::SqliteRow;
-use sqlx::{QueryBuilder, Sqlite};
 
 use super::columns::Columns;
+use super::database::{Builder, Row, query};
 use super::frames::frames_view;
 use super::job_checkpoints::{COLUMNS, checkpoint_view};
 use super::{Store, StoreError};
@@ -30,8 +29,8 @@ pub(crate) struct JobFilter {
 }
 
 /// A query of views of jobs, up to its condition.
-fn view() -> QueryBuilder<Sqlite> {
-    let mut query = QueryBuilder::new(VIEW);
+fn view() -> Builder {
+    let mut query = Builder::new(VIEW);
     query.push(COLUMNS).push(FROM);
     query
 }
@@ -60,7 +59,7 @@ impl Store {
 
     /// The sweep of a job, if it has one.
     pub(crate) async fn sweep_of(&self, id: JobId) -> Result<Option<SweepId>, StoreError> {
-        let row = sqlx::query("SELECT sweep_id FROM jobs WHERE id = ?")
+        let row = query("SELECT sweep_id FROM jobs WHERE id = ?")
             .bind(id.to_string())
             .fetch_optional(&self.readers)
             .await?;
@@ -110,22 +109,17 @@ impl Store {
 }
 
 /// The condition that a row has a label.
-pub(super) fn push_label(
-    query: &mut QueryBuilder<Sqlite>,
-    column: &'static str,
-    key: &str,
-    value: Option<&str>,
-) {
+pub(super) fn push_label(query: &mut Builder, column: &'static str, key: &str, value: Option<&str>) {
     query
         .push(format!("EXISTS (SELECT 1 FROM json_each({column}) l WHERE l.key = "))
         .push_bind(key.to_owned());
     if let Some(value) = value {
-        query.push(" AND l.value = ").push_bind(value.to_owned());
+        query.push(" AND l.atom = ").push_bind(value.to_owned());
     }
     query.push(")");
 }
 
-fn job_view(row: &SqliteRow) -> Result<JobView, StoreError> {
+fn job_view(row: &Row) -> Result<JobView, StoreError> {
     Ok(JobView {
         id: row.parsed("id")?,
         state: row.parsed("state")?,

@@ -3,10 +3,9 @@
 use std::collections::BTreeMap;
 
 use roost_api::mesh::MeshView;
-use sqlx::SqliteConnection;
-use sqlx::sqlite::SqliteRow;
 
 use super::columns::{Columns, to_json};
+use super::database::{Connection, Row, query, query_scalar};
 use super::{Store, StoreError};
 
 /// Length of every part of a file except the last.
@@ -20,7 +19,7 @@ impl Store {
             self.writer
                 .write(move |tx| {
                     Box::pin(async move {
-                        sqlx::query(
+                        query(
                             "INSERT INTO mesh_parts (digest, part, data) VALUES (?, ?, ?)
                              ON CONFLICT (digest, part) DO NOTHING",
                         )
@@ -39,7 +38,7 @@ impl Store {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    let inserted = sqlx::query(
+                    let inserted = query(
                         "INSERT INTO meshes (digest, bytes, format, triangles, degenerate, open_edges,
                                              turned_edges, low, high, size, uploaded_at)
                          VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)
@@ -66,10 +65,8 @@ impl Store {
 
     /// One mesh.
     pub(crate) async fn mesh(&self, digest: &str) -> Result<Option<MeshView>, StoreError> {
-        let row = sqlx::query("SELECT * FROM meshes WHERE digest = ?")
-            .bind(digest)
-            .fetch_optional(&self.readers)
-            .await?;
+        let row =
+            query("SELECT * FROM meshes WHERE digest = ?").bind(digest).fetch_optional(&self.readers).await?;
         row.as_ref().map(view).transpose()
     }
 
@@ -79,7 +76,7 @@ impl Store {
         before: Option<i64>,
         limit: u32,
     ) -> Result<(Vec<MeshView>, Option<i64>), StoreError> {
-        let mut rows = sqlx::query("SELECT * FROM meshes WHERE seq < ? ORDER BY seq DESC LIMIT ?")
+        let mut rows = query("SELECT * FROM meshes WHERE seq < ? ORDER BY seq DESC LIMIT ?")
             .bind(before.unwrap_or(i64::MAX))
             .bind(i64::from(limit) + 1)
             .fetch_all(&self.readers)
@@ -95,18 +92,17 @@ impl Store {
 
     /// Triangles of the meshes of a list that are stored.
     pub(crate) async fn mesh_triangles(&self, digests: &[&str]) -> Result<BTreeMap<String, u64>, StoreError> {
-        let rows = sqlx::query(
-            "SELECT digest, triangles FROM meshes WHERE digest IN (SELECT value FROM json_each(?))",
-        )
-        .bind(to_json("digests", &digests)?)
-        .fetch_all(&self.readers)
-        .await?;
+        let rows =
+            query("SELECT digest, triangles FROM meshes WHERE digest IN (SELECT atom FROM json_each(?))")
+                .bind(to_json("digests", &digests)?)
+                .fetch_all(&self.readers)
+                .await?;
         rows.iter().map(|row| Ok((row.column("digest")?, row.number("triangles")?))).collect()
     }
 
     /// One part of a file; none after the last.
     pub(crate) async fn mesh_part(&self, digest: &str, part: u32) -> Result<Option<Vec<u8>>, StoreError> {
-        let data = sqlx::query_scalar("SELECT data FROM mesh_parts WHERE digest = ? AND part = ?")
+        let data = query_scalar("SELECT data FROM mesh_parts WHERE digest = ? AND part = ?")
             .bind(digest)
             .bind(part)
             .fetch_optional(&self.readers)
@@ -126,8 +122,8 @@ impl Store {
 }
 
 /// Removes the parts of interrupted uploads.
-pub(super) async fn sweep(connection: &mut SqliteConnection) -> Result<(), StoreError> {
-    let swept = sqlx::query("DELETE FROM mesh_parts WHERE digest NOT IN (SELECT digest FROM meshes)")
+pub(super) async fn sweep(connection: &mut Connection) -> Result<(), StoreError> {
+    let swept = query("DELETE FROM mesh_parts WHERE digest NOT IN (SELECT digest FROM meshes)")
         .execute(connection)
         .await?;
     if swept.rows_affected() > 0 {
@@ -136,7 +132,7 @@ pub(super) async fn sweep(connection: &mut SqliteConnection) -> Result<(), Store
     Ok(())
 }
 
-fn view(row: &SqliteRow) -> Result<MeshView, StoreError> {
+fn view(row: &Row) -> Result<MeshView, StoreError> {
     let open_edges = row.number("open_edges")?;
     Ok(MeshView {
         digest: row.column("digest")?,

@@ -1,14 +1,27 @@
 //! The migrations of the database, embedded by `build.rs`: forward-only SQL files named `NNNN_description.sql`.
+//!
+//! Those of PostgreSQL are in a folder of their own, and have their own numbers.
 
 use sqlx::SqlSafeStr;
 use sqlx::migrate::{Migration, MigrationType, Migrator};
 
+use super::StoreError;
+use super::database::{Connection, Engine, query_scalar, raw_sql};
+
 /// Name and content of every file of `migrations/`; the build script writes the list.
 const FILES: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/migrations.rs"));
 
+/// The folder with the migrations of PostgreSQL.
+const POSTGRES: &str = "postgres/";
+
 /// All migrations that this program knows.
-pub(super) fn migrator() -> Migrator {
-    Migrator::with_migrations(FILES.iter().filter_map(|(name, sql)| migration(name, sql)).collect())
+pub(super) fn migrator(engine: Engine) -> Migrator {
+    let files = FILES.iter().filter_map(|(name, sql)| match (engine, name.strip_prefix(POSTGRES)) {
+        (Engine::Sqlite, None) => migration(name, sql),
+        (Engine::Postgres, Some(name)) => migration(name, sql),
+        _ => None,
+    });
+    Migrator::with_migrations(files.collect())
 }
 
 /// The migration in a file; `None` for files that are not SQL.
@@ -25,4 +38,40 @@ fn migration(name: &str, sql: &'static [u8]) -> Option<Migration> {
         sql,
         no_transaction,
     ))
+}
+
+/// Runs the migrations that a database lacks.
+pub(super) async fn migrate(connection: &mut Connection) -> Result<(), StoreError> {
+    refuse_newer(connection).await?;
+    let migrator = migrator(connection.engine());
+    match connection {
+        Connection::Sqlite(connection) => migrator.run(&mut **connection).await?,
+        Connection::LentSqlite(connection) => migrator.run(&mut **connection).await?,
+        Connection::Postgres(connection) => {
+            // A migration of a large table takes its time.
+            raw_sql("SET statement_timeout = 0").execute(&mut **connection).await?;
+            migrator.run(&mut **connection).await?;
+            raw_sql("RESET statement_timeout").execute(&mut **connection).await?;
+        }
+        Connection::LentPostgres(connection) => migrator.run(&mut **connection).await?,
+    }
+    Ok(())
+}
+
+/// Refuses a database of a newer version, which this program would misread.
+pub(super) async fn refuse_newer(connection: &mut Connection) -> Result<(), StoreError> {
+    let known = migrator(connection.engine()).iter().map(|migration| migration.version).max().unwrap_or(0);
+    let is_made = match connection.engine() {
+        Engine::Sqlite => "SELECT EXISTS (SELECT 1 FROM sqlite_master WHERE name = '_sqlx_migrations')",
+        Engine::Postgres => "SELECT to_regclass('_sqlx_migrations') IS NOT NULL",
+    };
+    if !query_scalar::<bool>(is_made).fetch_one(&mut *connection).await? {
+        return Ok(());
+    }
+    let found: Option<i64> =
+        query_scalar("SELECT max(version) FROM _sqlx_migrations").fetch_one(connection).await?;
+    match found {
+        Some(found) if found > known => Err(StoreError::Newer { found, known }),
+        _ => Ok(()),
+    }
 }

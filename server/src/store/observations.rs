@@ -6,10 +6,9 @@ use roost_api::ids::SweepId;
 use roost_api::time::Timestamp;
 use roost_design::Outcome;
 use serde_json::Value;
-use sqlx::sqlite::SqliteRow;
-use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 
 use super::columns::{Columns, corrupt, from_json, to_json};
+use super::database::{Builder, Connection, Row, query, query_scalar};
 use super::writer::SLICE;
 use super::{Store, StoreError};
 use crate::study::{HandOut, Observation, Source, SweepRun};
@@ -53,13 +52,13 @@ impl Store {
     pub(crate) async fn observations(&self, id: SweepId) -> Result<Vec<Observation>, StoreError> {
         let sql = "SELECT source, state, origin, levels, replicate, seed, responses FROM observations
                    WHERE study_id = ? AND state IN ('handed_out', 'done', 'failed') ORDER BY number";
-        let rows = sqlx::query(sql).bind(id.to_string()).fetch_all(&self.readers).await?;
+        let rows = query(sql).bind(id.to_string()).fetch_all(&self.readers).await?;
         rows.iter().map(observation).collect()
     }
 
     /// Numbers of the observations of a study.
     pub(crate) async fn observed(&self, id: SweepId) -> Result<Observed, StoreError> {
-        let row = sqlx::query(OBSERVED).bind(id.to_string()).fetch_optional(&self.readers).await?;
+        let row = query(OBSERVED).bind(id.to_string()).fetch_optional(&self.readers).await?;
         let Some(row) = row else { return Ok(Observed::default()) };
         Ok(Observed {
             done: row.number("done")?,
@@ -73,21 +72,21 @@ impl Store {
     pub(crate) async fn handed_out_runs(&self, id: SweepId) -> Result<Vec<HandedOutRun>, StoreError> {
         let sql = "SELECT number, levels, replicate, seed, expires_at FROM observations
                    WHERE study_id = ? AND state = 'handed_out' ORDER BY number LIMIT ?";
-        let rows = sqlx::query(sql).bind(id.to_string()).bind(MAX_LISTED).fetch_all(&self.readers).await?;
+        let rows = query(sql).bind(id.to_string()).bind(MAX_LISTED).fetch_all(&self.readers).await?;
         rows.iter().map(handed_out_run).collect()
     }
 
     /// The numbers of all runs of a study that were ever handed out.
     pub(crate) async fn numbers_handed_out(&self, id: SweepId) -> Result<BTreeSet<u64>, StoreError> {
         let sql = "SELECT number FROM observations WHERE study_id = ? AND source = 'asked'";
-        let rows = sqlx::query(sql).bind(id.to_string()).fetch_all(&self.readers).await?;
+        let rows = query(sql).bind(id.to_string()).fetch_all(&self.readers).await?;
         rows.iter().map(|row| row.number("number")).collect()
     }
 
     /// Marks the runs that have waited for their outcome for too long: they are no evidence, and may be handed out again.
     pub(crate) async fn expire_handed_out(&self, now: Timestamp) -> Result<(), StoreError> {
         let sql = "SELECT EXISTS (SELECT 1 FROM observations WHERE state = 'handed_out' AND expires_at <= ?)";
-        if !sqlx::query_scalar::<_, bool>(sql).bind(now.0).fetch_one(&self.readers).await? {
+        if !query_scalar::<bool>(sql).bind(now.0).fetch_one(&self.readers).await? {
             return Ok(());
         }
         self.writer
@@ -95,9 +94,9 @@ impl Store {
                 Box::pin(async move {
                     let sql = "UPDATE studies SET news = news + 1, changes = changes + 1 WHERE sweep_id IN
                                    (SELECT study_id FROM observations WHERE state = 'handed_out' AND expires_at <= ?)";
-                    sqlx::query(sql).bind(now.0).execute(&mut *tx).await?;
+                    query(sql).bind(now.0).execute(&mut *tx).await?;
                     let sql = "UPDATE observations SET state = 'expired' WHERE state = 'handed_out' AND expires_at <= ?";
-                    sqlx::query(sql).bind(now.0).execute(&mut *tx).await?;
+                    query(sql).bind(now.0).execute(&mut *tx).await?;
                     Ok(())
                 })
             })
@@ -109,8 +108,8 @@ impl Store {
         let sql = "SELECT s.body, r.solver_revision, r.responses FROM jobs j
                    JOIN scenarios s ON s.digest = j.scenario_digest JOIN results r ON r.job_id = j.id
                    WHERE j.sweep_id = ? AND j.state = 'succeeded' ORDER BY j.point, j.replicate";
-        let rows = sqlx::query(sql).bind(id.to_string()).fetch_all(&self.readers).await?;
-        let run = |row: &SqliteRow| {
+        let rows = query(sql).bind(id.to_string()).fetch_all(&self.readers).await?;
+        let run = |row: &Row| {
             Ok(SweepRun {
                 scenario: from_json::<Value>("scenario", &row.column::<String>("body")?)?,
                 solver_revision: row.number("solver_revision")?,
@@ -121,7 +120,7 @@ impl Store {
     }
 }
 
-fn observation(row: &SqliteRow) -> Result<Observation, StoreError> {
+fn observation(row: &Row) -> Result<Observation, StoreError> {
     let source: String = row.column("source")?;
     let source = match source.as_str() {
         "sweep" => Source::Sweep(row.parsed("origin")?),
@@ -144,20 +143,20 @@ fn observation(row: &SqliteRow) -> Result<Observation, StoreError> {
     })
 }
 
-pub(super) fn handed_out_run(row: &SqliteRow) -> Result<HandedOutRun, StoreError> {
+pub(super) fn handed_out_run(row: &Row) -> Result<HandedOutRun, StoreError> {
     let (levels, replicate, seed) = (row.json("levels")?, row.number("replicate")?, row.number("seed")?);
     let run = HandOut { levels, replicate, seed };
     Ok(HandedOutRun { number: row.number("number")?, run, expires_at: row.moment("expires_at")? })
 }
 
 /// The first free number of a study. By the primary key it is found in one step.
-pub(super) async fn next_number(tx: &mut SqliteConnection, id: SweepId) -> Result<i64, StoreError> {
-    Ok(sqlx::query_scalar(NEXT_NUMBER).bind(id.to_string()).fetch_one(&mut *tx).await?)
+pub(super) async fn next_number(tx: &mut Connection, id: SweepId) -> Result<i64, StoreError> {
+    Ok(query_scalar(NEXT_NUMBER).bind(id.to_string()).fetch_one(&mut *tx).await?)
 }
 
 /// Hands out runs of a study.
 pub(super) async fn hand_out(
-    tx: &mut SqliteConnection,
+    tx: &mut Connection,
     id: SweepId,
     runs: Vec<HandOut>,
     (now, expires_at): (Timestamp, Timestamp),
@@ -168,7 +167,7 @@ pub(super) async fn hand_out(
         let sql = "INSERT INTO observations
                        (study_id, number, source, state, levels, replicate, seed, handed_out_at, expires_at)
                    VALUES (?, ?, 'asked', 'handed_out', ?, ?, ?, ?, ?)";
-        sqlx::query(sql)
+        query(sql)
             .bind(id.to_string())
             .bind(number)
             .bind(to_json("levels", &run.levels)?)
@@ -185,7 +184,7 @@ pub(super) async fn hand_out(
 
 /// Stores the copied runs of a new study.
 pub(super) async fn insert_copies(
-    tx: &mut SqliteConnection,
+    tx: &mut Connection,
     id: SweepId,
     copies: &[Observation],
     now: Timestamp,
@@ -202,7 +201,7 @@ pub(super) async fn insert_copies(
     };
     let rows = copies.iter().map(row).collect::<Result<Vec<_>, StoreError>>()?;
     for (slice, rows) in rows.chunks(SLICE).enumerate() {
-        let mut query = QueryBuilder::<Sqlite>::new(
+        let mut query = Builder::new(
             "INSERT INTO observations (study_id, number, source, state, origin, levels, replicate, seed, responses, recorded_at) ",
         );
         let numbers = (slice * SLICE + 1) as i64..;

@@ -5,11 +5,10 @@ use std::collections::HashSet;
 use roost_api::ids::SweepId;
 use roost_api::prune::{PrunedSweep, Pruning};
 use roost_api::time::Timestamp;
-use sqlx::SqliteConnection;
-use sqlx::sqlite::SqliteRow;
 use tokio::sync::RwLock;
 
 use super::columns::{Columns, to_json};
+use super::database::{Connection, Row, query, query_scalar};
 use super::{Store, StoreError};
 
 /// Each term reads the end of an index or table.
@@ -17,19 +16,19 @@ const NEWEST: &str = "
     SELECT max(at) FROM (
         SELECT max(last_seen_at) AS at FROM workers
         UNION ALL SELECT (SELECT at FROM events ORDER BY seq DESC LIMIT 1)
-        UNION ALL SELECT (SELECT submitted_at FROM jobs ORDER BY seq DESC LIMIT 1))";
+        UNION ALL SELECT (SELECT submitted_at FROM jobs ORDER BY seq DESC LIMIT 1)) AS newest";
 
 impl Store {
     /// The newest recorded time: of a heartbeat, an event or a submission.
     pub(crate) async fn newest_record(&self) -> Result<Option<Timestamp>, StoreError> {
-        let newest: Option<i64> = sqlx::query_scalar(NEWEST).fetch_one(&self.readers).await?;
+        let newest: Option<i64> = query_scalar(NEWEST).fetch_one(&self.readers).await?;
         Ok(newest.map(Timestamp))
     }
 
     /// Sweeps, jobs and meshes that pruning would delete.
     pub(crate) async fn prunable(&self, before: Timestamp) -> Result<Pruning, StoreError> {
-        let rows = sqlx::query(ENDED_SWEEPS).bind(before.0).fetch_all(&self.readers).await?;
-        let sweep = |row: &SqliteRow| -> Result<_, StoreError> {
+        let rows = query(ENDED_SWEEPS).bind(before.0).fetch_all(&self.readers).await?;
+        let sweep = |row: &Row| -> Result<_, StoreError> {
             Ok(PrunedSweep {
                 id: row.parsed("id")?,
                 name: row.column("name")?,
@@ -38,16 +37,16 @@ impl Store {
             })
         };
         let sweeps = rows.iter().map(sweep).collect::<Result<Vec<_>, _>>()?;
-        let jobs = sqlx::query_scalar::<_, i64>(SINGLE_JOBS).bind(before.0).fetch_one(&self.readers).await?;
+        let jobs = query_scalar::<i64>(SINGLE_JOBS).bind(before.0).fetch_one(&self.readers).await?;
         let ids: Vec<SweepId> = sweeps.iter().map(|sweep| sweep.id).collect();
         let mut meshes: Vec<String> =
-            sqlx::query_scalar("SELECT digest FROM meshes WHERE uploaded_at < ? ORDER BY seq")
+            query_scalar("SELECT digest FROM meshes WHERE uploaded_at < ? ORDER BY seq")
                 .bind(before.0)
                 .fetch_all(&self.readers)
                 .await?;
         // Reads every scenario: only where there is an old mesh.
         if !meshes.is_empty() {
-            let named: Vec<String> = sqlx::query_scalar(NAMED)
+            let named: Vec<String> = query_scalar(NAMED)
                 .bind(before.0)
                 .bind(to_json("sweeps", &ids)?)
                 .fetch_all(&self.readers)
@@ -88,9 +87,9 @@ impl Store {
 }
 
 /// The row goes first: a file without a row counts as an interrupted upload.
-async fn delete_mesh(tx: &mut SqliteConnection, digest: &str) -> Result<(), StoreError> {
+async fn delete_mesh(tx: &mut Connection, digest: &str) -> Result<(), StoreError> {
     for sql in ["DELETE FROM meshes WHERE digest = ?", "DELETE FROM mesh_parts WHERE digest = ?"] {
-        sqlx::query(sql).bind(digest).execute(&mut *tx).await?;
+        query(sql).bind(digest).execute(&mut *tx).await?;
     }
     Ok(())
 }
@@ -109,11 +108,11 @@ pub(super) const SINGLE_JOBS: &str = "SELECT count(*) FROM jobs WHERE sweep_id I
 /// Every text that may be the digest of a mesh, except in jobs that ended before ?1 and in sweeps ?2.
 const NAMED: &str = "
     SELECT DISTINCT text.atom FROM scenarios s CROSS JOIN json_tree(s.body) text
-    WHERE instr(s.body, '\"digest\"') > 0 AND text.type = 'text' AND length(text.atom) = 64
+    WHERE s.body LIKE '%\"digest\"%' AND text.type = 'text' AND length(text.atom) = 64
       AND EXISTS (SELECT 1 FROM jobs j WHERE j.scenario_digest = s.digest
                   AND CASE WHEN j.sweep_id IS NULL THEN j.ended_at IS NULL OR j.ended_at >= ?1
-                           ELSE j.sweep_id NOT IN (SELECT value FROM json_each(?2)) END)
+                           ELSE j.sweep_id NOT IN (SELECT atom FROM json_each(?2)) END)
     UNION
     SELECT DISTINCT text.atom FROM sweeps s CROSS JOIN json_tree(s.spec) text
     WHERE text.type = 'text' AND length(text.atom) = 64 AND s.state <> 'deleting'
-      AND s.id NOT IN (SELECT value FROM json_each(?2))";
+      AND s.id NOT IN (SELECT atom FROM json_each(?2))";

@@ -4,6 +4,7 @@ use roost_api::ids::JobId;
 use roost_api::job::JobState;
 
 use super::columns::Columns;
+use super::database::query;
 use super::{Store, StoreError};
 
 /// The result of a job.
@@ -17,7 +18,7 @@ pub(crate) struct StoredResult {
 impl Store {
     /// The result of a job; of one that failed or was cancelled, the partial result of its newest attempt.
     pub(crate) async fn result(&self, id: JobId) -> Result<Option<StoredResult>, StoreError> {
-        let row = sqlx::query(
+        let row = query(
             "SELECT j.state, d.body FROM jobs j
              LEFT JOIN results r ON r.job_id = j.id
              LEFT JOIN attempts a ON a.job_id = j.id AND a.number = j.attempt

@@ -4,9 +4,9 @@
 
 use roost_api::ids::{JobId, SweepId};
 use roost_api::time::Timestamp;
-use sqlx::sqlite::SqliteRow;
 
 use super::columns::Columns;
+use super::database::{Row, query};
 use super::eligible_jobs::claimable;
 use super::waiting::QueueGroup;
 use super::{Store, StoreError};
@@ -76,7 +76,7 @@ pub(super) const QUEUED: &str = concat!(
     " AND j.priority = ? AND j.owner = ? AND j.queue = ? AND j.queue_position >= ?
          ORDER BY j.queue_position, j.seq LIMIT ?) AS found
      JOIN jobs j ON j.seq = found.seq JOIN scenarios s ON s.digest = j.scenario_digest
-     WHERE found.needs_backend IS ? AND found.needs_memory_mib IS ? LIMIT ?"
+     WHERE found.needs_backend IS NOT DISTINCT FROM ? AND found.needs_memory_mib IS NOT DISTINCT FROM ? LIMIT ?"
 );
 
 /// Scenarios of a sweep from a design point on.
@@ -88,12 +88,10 @@ impl Store {
     /// Finished runs, of one sweep or of all jobs.
     pub(crate) async fn finished_runs(&self, sweep: Option<SweepId>) -> Result<Vec<FinishedRun>, StoreError> {
         let rows = match sweep {
-            Some(sweep) => {
-                sqlx::query(FINISHED_OF_SWEEP).bind(sweep.to_string()).fetch_all(&self.readers).await?
-            }
-            None => sqlx::query(FINISHED).fetch_all(&self.readers).await?,
+            Some(sweep) => query(FINISHED_OF_SWEEP).bind(sweep.to_string()).fetch_all(&self.readers).await?,
+            None => query(FINISHED).fetch_all(&self.readers).await?,
         };
-        let run = |row: &SqliteRow| {
+        let run = |row: &Row| {
             Ok(FinishedRun {
                 scenario: scenario(row)?,
                 backend: row.column("backend")?,
@@ -107,8 +105,8 @@ impl Store {
     pub(crate) async fn jobs_running(&self) -> Result<Vec<RunningJob>, StoreError> {
         let sql = "SELECT id, worker_id, sweep_id, started_at FROM jobs
                    WHERE state = 'running' AND lease_expires_at > 0 LIMIT ?";
-        let rows = sqlx::query(sql).bind(MAX_RUNNING).fetch_all(&self.readers).await?;
-        let job = |row: &SqliteRow| {
+        let rows = query(sql).bind(MAX_RUNNING).fetch_all(&self.readers).await?;
+        let job = |row: &Row| {
             Ok(RunningJob {
                 id: row.parsed("id")?,
                 worker: row.column("worker_id")?,
@@ -124,7 +122,7 @@ impl Store {
         let (mut found, span) = (Vec::new(), group.last - group.first + 1);
         for place in 0..PLACES.min(span) {
             let position = group.first + span * place / PLACES.min(span);
-            let rows = sqlx::query(QUEUED)
+            let rows = query(QUEUED)
                 .bind(group.priority)
                 .bind(group.owner)
                 .bind(group.queue)
@@ -151,12 +149,8 @@ impl Store {
         let (mut found, points) = (Vec::new(), i64::from(points.max(1)));
         for place in 0..PLACES.min(points) {
             let point = points * place / PLACES.min(points);
-            let rows = sqlx::query(OF_SWEEP)
-                .bind(sweep.to_string())
-                .bind(point)
-                .bind(1)
-                .fetch_all(&self.readers)
-                .await?;
+            let rows =
+                query(OF_SWEEP).bind(sweep.to_string()).bind(point).bind(1).fetch_all(&self.readers).await?;
             for row in &rows {
                 found.push(scenario(row)?);
             }
@@ -167,11 +161,11 @@ impl Store {
     /// The scenario of a job.
     pub(crate) async fn scenario_of(&self, job: JobId) -> Result<Option<StoredScenario>, StoreError> {
         let sql = "SELECT j.scenario_digest, s.body FROM jobs j JOIN scenarios s ON s.digest = j.scenario_digest WHERE j.id = ?";
-        let row = sqlx::query(sql).bind(job.to_string()).fetch_optional(&self.readers).await?;
+        let row = query(sql).bind(job.to_string()).fetch_optional(&self.readers).await?;
         row.as_ref().map(scenario).transpose()
     }
 }
 
-fn scenario(row: &SqliteRow) -> Result<StoredScenario, StoreError> {
+fn scenario(row: &Row) -> Result<StoredScenario, StoreError> {
     Ok(StoredScenario { digest: row.column("scenario_digest")?, body: row.column("body")? })
 }

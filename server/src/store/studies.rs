@@ -7,11 +7,10 @@ use roost_api::sweep::{StateCounts, SweepSpec};
 use roost_api::time::Timestamp;
 use roost_design::goals::FIRST_CONFIRMATION;
 use serde_json::Value;
-use sqlx::sqlite::SqliteRow;
-use sqlx::{AssertSqlSafe, SqliteConnection};
 
 use super::asks::{AskedRuns, MadeRuns, answer_ask};
 use super::columns::{Columns, corrupt, from_json, to_json};
+use super::database::{AssertSqlSafe, Connection, Row, query, query_scalar};
 use super::job_rows::{JobOptions, JobRow, queue_start};
 use super::observations::{hand_out, insert_copies};
 use super::submit::{insert_study_sweep, queue_jobs};
@@ -133,7 +132,7 @@ impl Store {
                     }
                     let sql = "INSERT INTO studies (sweep_id, spec, question, max_runs, token_id, decisions, answer, sentences, answered_at, seeding, driver)
                                VALUES (?, ?, ?, ?, ?, 1, ?, ?, ?, ?, ?)";
-                    sqlx::query(sql)
+                    query(sql)
                         .bind(id.to_string())
                         .bind(text)
                         .bind(question)
@@ -156,7 +155,7 @@ impl Store {
     /// One study.
     pub(crate) async fn study(&self, id: SweepId) -> Result<Option<StoredStudy>, StoreError> {
         let sql = format!("{COLUMNS} WHERE s.sweep_id = ?");
-        let row = sqlx::query(AssertSqlSafe(sql)).bind(id.to_string()).fetch_optional(&self.readers).await?;
+        let row = query(AssertSqlSafe(sql)).bind(id.to_string()).fetch_optional(&self.readers).await?;
         row.as_ref().map(stored).transpose()
     }
 
@@ -167,7 +166,7 @@ impl Store {
         limit: u32,
     ) -> Result<(Vec<StoredStudy>, Option<i64>), StoreError> {
         let sql = format!("{COLUMNS} WHERE w.seq < ? ORDER BY w.seq DESC LIMIT ?");
-        let rows = sqlx::query(AssertSqlSafe(sql))
+        let rows = query(AssertSqlSafe(sql))
             .bind(before.unwrap_or(i64::MAX))
             .bind(i64::from(limit) + 1)
             .fetch_all(&self.readers)
@@ -182,21 +181,21 @@ impl Store {
     /// Whether a sweep belongs to a study.
     pub(crate) async fn is_study(&self, id: SweepId) -> Result<bool, StoreError> {
         let sql = "SELECT EXISTS (SELECT 1 FROM studies WHERE sweep_id = ?)";
-        Ok(sqlx::query_scalar(sql).bind(id.to_string()).fetch_one(&self.readers).await?)
+        Ok(query_scalar(sql).bind(id.to_string()).fetch_one(&self.readers).await?)
     }
 
     /// Studies that the server decides about.
     pub(crate) async fn running_studies(&self) -> Result<Vec<SweepId>, StoreError> {
         let sql = "SELECT sweep_id FROM studies WHERE state = 'running' ORDER BY sweep_id";
-        let rows = sqlx::query(sql).fetch_all(&self.readers).await?;
+        let rows = query(sql).fetch_all(&self.readers).await?;
         rows.iter().map(|row| row.parsed("sweep_id")).collect()
     }
 
     /// Number of jobs of a study by state, and of its queued jobs that are not paused.
     pub(crate) async fn study_counts(&self, id: SweepId) -> Result<(StateCounts, u64), StoreError> {
-        let sql = "SELECT state, count(*) AS jobs, sum(paused = 0) AS unpaused FROM jobs WHERE sweep_id = ? GROUP BY state";
+        let sql = "SELECT state, count(*) AS jobs, count(*) FILTER (WHERE paused = 0) AS unpaused FROM jobs WHERE sweep_id = ? GROUP BY state";
         let (mut counts, mut waiting) = (StateCounts::default(), 0);
-        for row in sqlx::query(sql).bind(id.to_string()).fetch_all(&self.readers).await? {
+        for row in query(sql).bind(id.to_string()).fetch_all(&self.readers).await? {
             let state = row.parsed("state")?;
             *counts.of(state) = row.number("jobs")?;
             if state == JobState::Queued {
@@ -230,7 +229,7 @@ impl Store {
                                WHERE sweep_id = ? AND decisions = ? AND max_runs = ? AND news = ? AND state = 'running'
                                    AND EXISTS (SELECT 1 FROM sweeps WHERE id = sweep_id AND state = 'ready')";
                     let end = decision.finished.map(StudyEnd::as_str);
-                    let stored = sqlx::query(sql)
+                    let stored = query(sql)
                         .bind(answer)
                         .bind(sentences)
                         .bind(now.0)
@@ -271,8 +270,8 @@ impl Store {
                 Box::pin(async move {
                     let words: Vec<&str> = from.iter().map(|state| state.as_str()).collect();
                     let sql = "UPDATE studies SET state = ?, reason = ?, changes = changes + 1
-                               WHERE sweep_id = ? AND state IN (SELECT value FROM json_each(?))";
-                    sqlx::query(sql)
+                               WHERE sweep_id = ? AND state IN (SELECT atom FROM json_each(?))";
+                    query(sql)
                         .bind(to.as_str())
                         .bind(reason)
                         .bind(id.to_string())
@@ -289,7 +288,7 @@ impl Store {
     pub(crate) async fn finished_with_jobs(&self) -> Result<Vec<SweepId>, StoreError> {
         let sql = "SELECT sweep_id FROM studies WHERE state = 'finished' AND EXISTS
                        (SELECT 1 FROM jobs WHERE jobs.sweep_id = studies.sweep_id AND state IN ('queued', 'running'))";
-        let rows = sqlx::query(sql).fetch_all(&self.readers).await?;
+        let rows = query(sql).fetch_all(&self.readers).await?;
         rows.iter().map(|row| row.parsed("sweep_id")).collect()
     }
 
@@ -302,8 +301,7 @@ impl Store {
                     let sql = "UPDATE studies SET max_runs = ?1, finished = NULL, changes = changes + 1,
                                    state = CASE state WHEN 'finished' THEN 'running' ELSE state END
                                WHERE sweep_id = ?2 AND max_runs < ?1 AND state <> 'cancelled'";
-                    let changed =
-                        sqlx::query(sql).bind(max_runs).bind(id.to_string()).execute(&mut *tx).await?;
+                    let changed = query(sql).bind(max_runs).bind(id.to_string()).execute(&mut *tx).await?;
                     Ok(changed.rows_affected() == 1)
                 })
             })
@@ -329,9 +327,9 @@ impl Store {
                                    changes = changes + 1, state = CASE state WHEN 'finished' THEN 'running' ELSE state END,
                                    past_attempts = (SELECT coalesce(max(replicate), 0) FROM
                                        (SELECT replicate FROM jobs WHERE sweep_id = ?3
-                                        UNION ALL SELECT replicate FROM observations WHERE study_id = ?3)) / ?5
+                                        UNION ALL SELECT replicate FROM observations WHERE study_id = ?3) AS runs) / ?5
                                WHERE sweep_id = ?3 AND news = ?4 AND state <> 'cancelled'";
-                    let changed = sqlx::query(sql)
+                    let changed = query(sql)
                         .bind(ranges)
                         .bind(question)
                         .bind(id.to_string())
@@ -348,7 +346,7 @@ impl Store {
 
 /// Queues the runs of a decision. The replicates of the sweep are those of the point that has most.
 async fn add_runs(
-    tx: &mut SqliteConnection,
+    tx: &mut Connection,
     id: SweepId,
     (rows, points, replicates): (&[JobRow], u32, u32),
     options: &JobOptions,
@@ -359,12 +357,12 @@ async fn add_runs(
     }
     let start = queue_start(tx, options).await?;
     queue_jobs(tx, rows, options, start, now).await?;
-    let sql = "UPDATE sweeps SET points = ?1, replicates = max(replicates, ?2) WHERE id = ?3";
-    sqlx::query(sql).bind(points).bind(replicates).bind(id.to_string()).execute(&mut *tx).await?;
+    let sql = "UPDATE sweeps SET points = ?1, replicates = CASE WHEN ?2 > replicates THEN ?2 ELSE replicates END WHERE id = ?3";
+    query(sql).bind(points).bind(replicates).bind(id.to_string()).execute(&mut *tx).await?;
     Ok(())
 }
 
-fn stored(row: &SqliteRow) -> Result<StoredStudy, StoreError> {
+fn stored(row: &Row) -> Result<StoredStudy, StoreError> {
     let answer: Option<String> = row.column("answer")?;
     Ok(StoredStudy {
         id: row.parsed("sweep_id")?,

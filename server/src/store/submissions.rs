@@ -4,6 +4,7 @@ use roost_api::time::Timestamp;
 use uuid::Uuid;
 
 use super::columns::Columns;
+use super::database::query;
 use super::{Store, StoreError};
 
 /// A request with an idempotency key.
@@ -50,7 +51,7 @@ impl Store {
                                VALUES (?, ?, ?, ?, ?)
                                ON CONFLICT (token_id, key) DO UPDATE SET key = excluded.key
                                RETURNING fingerprint, resource_id, status, location, body";
-                    let row = sqlx::query(sql)
+                    let row = query(sql)
                         .bind(submission.token_id)
                         .bind(submission.key)
                         .bind(&submission.fingerprint)
@@ -85,7 +86,7 @@ impl Store {
                 Box::pin(async move {
                     let sql = "UPDATE submissions SET status = ?, location = ?, body = ?
                                WHERE token_id = ? AND key = ? AND fingerprint = ? AND status IS NULL";
-                    sqlx::query(sql)
+                    query(sql)
                         .bind(answered.status)
                         .bind(answered.location)
                         .bind(answered.body)
@@ -106,7 +107,7 @@ impl Store {
             .write(move |tx| {
                 Box::pin(async move {
                     let sql = "DELETE FROM submissions WHERE token_id = ? AND key = ? AND status IS NULL";
-                    sqlx::query(sql).bind(submission.token_id).bind(submission.key).execute(&mut *tx).await?;
+                    query(sql).bind(submission.token_id).bind(submission.key).execute(&mut *tx).await?;
                     Ok(())
                 })
             })

@@ -16,9 +16,9 @@ use roost_api::job::Cache;
 use roost_api::sweep::SweepSpec;
 use roost_api::time::Timestamp;
 use roost_solver::SOLVER_REVISION;
-use sqlx::{AssertSqlSafe, SqliteConnection};
 
 use super::columns::to_json;
+use super::database::{AssertSqlSafe, Connection, query, query_scalar};
 use super::deletion::change_listings;
 pub(crate) use super::job_rows::NewJob;
 use super::job_rows::{JobBatches, JobOptions, JobRow, QueueStart, insert_jobs, insert_points, queue_start};
@@ -221,7 +221,7 @@ impl Store {
             let shown = self.writer.write(move |tx| {
                 Box::pin(async move {
                     let sql = "UPDATE sweeps SET state = 'ready' WHERE seq = ? AND state = 'submitting'";
-                    if sqlx::query(sql).bind(seq).execute(&mut *tx).await?.rows_affected() == 0 {
+                    if query(sql).bind(seq).execute(&mut *tx).await?.rows_affected() == 0 {
                         return Err(StoreError::Interrupted);
                     }
                     change_listings(tx).await
@@ -242,14 +242,14 @@ impl Store {
     /// Deletes what a failed or interrupted submission of the same sweep has left.
     async fn delete_remains(&self, id: SweepId) -> Result<(), StoreError> {
         let sql = "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ? AND state <> 'ready')";
-        if !sqlx::query_scalar(sql).bind(id.to_string()).fetch_one(&self.readers).await? {
+        if !query_scalar(sql).bind(id.to_string()).fetch_one(&self.readers).await? {
             return Ok(());
         }
         let hidden = self.writer.write(move |tx| {
             Box::pin(async move {
                 let sql =
                     "UPDATE sweeps SET state = 'deleting' WHERE id = ? AND state <> 'ready' RETURNING seq";
-                Ok(sqlx::query_scalar(sql).bind(id.to_string()).fetch_optional(&mut *tx).await?)
+                Ok(query_scalar(sql).bind(id.to_string()).fetch_optional(&mut *tx).await?)
             })
         });
         if let Some(seq) = hidden.await? {
@@ -264,7 +264,7 @@ const SUBMITTED: &str = "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ?1) OR E
 
 /// Stores the row of a study's sweep. Returns false, and changes nothing, if an earlier request has stored it.
 pub(super) async fn insert_study_sweep(
-    tx: &mut SqliteConnection,
+    tx: &mut Connection,
     id: SweepId,
     spec: &SweepSpec,
     (factors, points): (&[String], u32),
@@ -291,14 +291,14 @@ pub(super) async fn insert_study_sweep(
 
 /// Stores the row of a sweep, and returns its number.
 async fn insert_head(
-    tx: &mut SqliteConnection,
+    tx: &mut Connection,
     head: SweepHead,
     state: &'static str,
     now: Timestamp,
 ) -> Result<i64, StoreError> {
     let sql = "INSERT INTO sweeps (id, name, spec, design, factors, labels, points, replicates, submitted_at, state, runs_per_sample)
                VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING seq";
-    let seq = sqlx::query_scalar(sql)
+    let seq = query_scalar(sql)
         .bind(head.id.to_string())
         .bind(head.name)
         .bind(head.text)
@@ -315,7 +315,7 @@ async fn insert_head(
 
 /// Stores the design points that begin in a batch of jobs, and queues the jobs, with cached results where that is allowed.
 pub(super) async fn queue_jobs(
-    tx: &mut SqliteConnection,
+    tx: &mut Connection,
     batch: &[JobRow],
     options: &JobOptions,
     start: QueueStart,
@@ -328,13 +328,13 @@ pub(super) async fn queue_jobs(
 }
 
 /// The number of the newest job.
-async fn newest(tx: &mut SqliteConnection) -> Result<i64, StoreError> {
-    Ok(sqlx::query_scalar("SELECT coalesce(max(seq), 0) FROM jobs").fetch_one(tx).await?)
+async fn newest(tx: &mut Connection) -> Result<i64, StoreError> {
+    Ok(query_scalar("SELECT coalesce(max(seq), 0) FROM jobs").fetch_one(tx).await?)
 }
 
 /// Whether an earlier request with the same identifier has stored it.
-async fn exists(tx: &mut SqliteConnection, sql: &'static str, id: String) -> Result<bool, StoreError> {
-    Ok(sqlx::query_scalar(sql).bind(id).fetch_one(&mut *tx).await?)
+async fn exists(tx: &mut Connection, sql: &'static str, id: String) -> Result<bool, StoreError> {
+    Ok(query_scalar(sql).bind(id).fetch_one(&mut *tx).await?)
 }
 
 /// The frames of a result that have the interval that a job asks for.
@@ -344,7 +344,7 @@ const MATCHING_FRAMES: &str = "frames f JOIN jobs recorded ON recorded.id = f.jo
 /// Gives the queued jobs after `newest` the result of an earlier run of the same scenario by this solver revision. A job with frames
 /// needs a run with the same frame interval, and gets its frames.
 async fn answer_from_cache(
-    tx: &mut SqliteConnection,
+    tx: &mut Connection,
     newest: i64,
     options: &JobOptions,
     now: Timestamp,
@@ -352,7 +352,7 @@ async fn answer_from_cache(
     if options.cache != Cache::Use {
         return Ok(());
     }
-    let answered = sqlx::query(AssertSqlSafe(format!(
+    let answered = query(AssertSqlSafe(format!(
         "INSERT INTO results
          SELECT jobs.id, 0, old.scenario_digest, old.solver_revision, old.backend, old.responses, old.document_digest, ?
          FROM jobs JOIN results AS old ON old.job_id =
@@ -368,7 +368,7 @@ async fn answer_from_cache(
     .await?
     .rows_affected();
     if answered > 0 {
-        sqlx::query(
+        query(
             "UPDATE jobs SET state = 'succeeded', from_cache = 1, ended_at = ?
              WHERE seq > ? AND EXISTS (SELECT 1 FROM results WHERE job_id = jobs.id)",
         )
@@ -376,7 +376,7 @@ async fn answer_from_cache(
         .bind(newest)
         .execute(&mut *tx)
         .await?;
-        sqlx::query(AssertSqlSafe(format!(
+        query(AssertSqlSafe(format!(
             "INSERT INTO frames
              SELECT jobs.id, 0, old.object_digest, old.bytes, old.count, old.stop_reason, ?
              FROM jobs JOIN frames AS old ON old.job_id =

@@ -4,10 +4,9 @@ use std::collections::HashMap;
 
 use roost_api::ids::SweepId;
 use roost_api::sweep::{FailureCounts, StateCounts, SweepView};
-use sqlx::sqlite::SqliteRow;
-use sqlx::{QueryBuilder, Sqlite};
 
 use super::columns::{Columns, to_json};
+use super::database::{Builder, Row, query, query_as, query_scalar};
 use super::jobs::push_label;
 use super::{Store, StoreError};
 
@@ -18,18 +17,18 @@ const VIEW: &str =
 
 /// Jobs of each sweep by state; a covering index serves it.
 pub(super) const COUNTS: &str = "SELECT sweep_id, state, count(*) AS jobs FROM jobs
-    WHERE sweep_id IN (SELECT value FROM json_each(?)) GROUP BY sweep_id, state";
+    WHERE sweep_id IN (SELECT atom FROM json_each(?)) GROUP BY sweep_id, state";
 /// Paused jobs of each sweep; a partial index serves it.
 pub(super) const PAUSED: &str = "SELECT sweep_id, count(*) AS jobs FROM jobs
-    WHERE sweep_id IN (SELECT value FROM json_each(?)) AND paused = 1 GROUP BY sweep_id";
+    WHERE sweep_id IN (SELECT atom FROM json_each(?)) AND paused = 1 GROUP BY sweep_id";
 /// Failed jobs of each sweep by class; a partial index serves it.
 pub(super) const FAILURES: &str = "SELECT sweep_id, failure_class, count(*) AS jobs FROM jobs
-    WHERE sweep_id IN (SELECT value FROM json_each(?)) AND failure_class IS NOT NULL GROUP BY sweep_id, failure_class";
+    WHERE sweep_id IN (SELECT atom FROM json_each(?)) AND failure_class IS NOT NULL GROUP BY sweep_id, failure_class";
 
 impl Store {
     /// One sweep.
     pub(crate) async fn sweep(&self, id: SweepId) -> Result<Option<SweepView>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new(VIEW);
+        let mut query = Builder::new(VIEW);
         let row =
             query.push(" AND id = ").push_bind(id.to_string()).build().fetch_optional(&self.readers).await?;
         let Some(row) = row else { return Ok(None) };
@@ -39,13 +38,13 @@ impl Store {
     /// A sweep as it was submitted, as JSON text.
     pub(crate) async fn sweep_spec(&self, id: SweepId) -> Result<Option<String>, StoreError> {
         let sql = "SELECT spec FROM sweeps WHERE id = ? AND state = 'ready'";
-        Ok(sqlx::query_scalar(sql).bind(id.to_string()).fetch_optional(&self.readers).await?)
+        Ok(query_scalar(sql).bind(id.to_string()).fetch_optional(&self.readers).await?)
     }
 
     /// Points and replicates of a sweep; none once it is deleted.
     pub(crate) async fn sweep_size(&self, id: SweepId) -> Result<Option<(u32, u32)>, StoreError> {
         let sql = "SELECT points, replicates FROM sweeps WHERE id = ? AND state = 'ready'";
-        Ok(sqlx::query_as(sql).bind(id.to_string()).fetch_optional(&self.readers).await?)
+        Ok(query_as(sql).bind(id.to_string()).fetch_optional(&self.readers).await?)
     }
 
     /// Sweeps, newest first, and the row that the next page starts before.
@@ -55,7 +54,7 @@ impl Store {
         before: Option<i64>,
         limit: u32,
     ) -> Result<(Vec<SweepView>, Option<i64>), StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new(VIEW);
+        let mut query = Builder::new(VIEW);
         query.push(" AND seq < ").push_bind(before.unwrap_or(i64::MAX));
         if let Some((key, value)) = label {
             query.push(" AND ");
@@ -81,17 +80,17 @@ impl Store {
         let ids: Vec<_> = views.iter().map(|view| view.id).collect();
         let ids = to_json("ids", &ids)?;
         let mut counts: HashMap<SweepId, StateCounts> = HashMap::new();
-        for row in sqlx::query(COUNTS).bind(&ids).fetch_all(&self.readers).await? {
+        for row in query(COUNTS).bind(&ids).fetch_all(&self.readers).await? {
             let counts = counts.entry(row.parsed("sweep_id")?).or_default();
             *counts.of(row.parsed("state")?) = row.number("jobs")?;
         }
         let mut failures: HashMap<SweepId, FailureCounts> = HashMap::new();
-        for row in sqlx::query(FAILURES).bind(&ids).fetch_all(&self.readers).await? {
+        for row in query(FAILURES).bind(&ids).fetch_all(&self.readers).await? {
             let failures = failures.entry(row.parsed("sweep_id")?).or_default();
             *failures.of(row.parsed("failure_class")?) = row.number("jobs")?;
         }
         let mut paused: HashMap<SweepId, u64> = HashMap::new();
-        for row in sqlx::query(PAUSED).bind(&ids).fetch_all(&self.readers).await? {
+        for row in query(PAUSED).bind(&ids).fetch_all(&self.readers).await? {
             paused.insert(row.parsed("sweep_id")?, row.number("jobs")?);
         }
         for view in &mut views {
@@ -104,7 +103,7 @@ impl Store {
     }
 }
 
-fn sweep_view(row: &SqliteRow) -> Result<SweepView, StoreError> {
+fn sweep_view(row: &Row) -> Result<SweepView, StoreError> {
     Ok(SweepView {
         id: row.parsed("id")?,
         name: row.column("name")?,

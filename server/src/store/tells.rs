@@ -4,10 +4,9 @@ use std::collections::HashMap;
 
 use roost_api::ids::SweepId;
 use roost_api::time::Timestamp;
-use sqlx::SqliteConnection;
-use sqlx::sqlite::SqliteRow;
 
 use super::columns::{Columns, to_json};
+use super::database::{Connection, Row, query};
 use super::observations::next_number;
 use super::{Store, StoreError};
 use crate::study::{ToldOutcome, ToldRun};
@@ -44,7 +43,7 @@ impl RowOutcome {
         Ok(Self { state: state.to_owned(), responses })
     }
 
-    fn read(row: &SqliteRow) -> Result<Self, StoreError> {
+    fn read(row: &Row) -> Result<Self, StoreError> {
         Ok(Self { state: row.column("state")?, responses: row.column("responses")? })
     }
 
@@ -95,7 +94,7 @@ impl Store {
                             "UPDATE studies SET news = news + 1, changes = changes + 1, finished = NULL,
                                        state = CASE state WHEN 'finished' THEN 'running' ELSE state END
                                    WHERE sweep_id = ? AND state <> 'cancelled'";
-                        sqlx::query(sql).bind(id.to_string()).execute(&mut *tx).await?;
+                        query(sql).bind(id.to_string()).execute(&mut *tx).await?;
                     }
                     Ok(Ok(counts))
                 })
@@ -106,7 +105,7 @@ impl Store {
 
 /// Those of some outcomes that are new, or all those of runs that have another one.
 async fn new_outcomes(
-    tx: &mut SqliteConnection,
+    tx: &mut Connection,
     id: SweepId,
     outcomes: &[(ToldRun, ToldOutcome)],
 ) -> Result<Result<Vec<NewOutcome>, Vec<Conflict>>, StoreError> {
@@ -154,24 +153,20 @@ async fn new_outcomes(
     Ok(if conflicts.is_empty() { Ok(new) } else { Err(conflicts) })
 }
 
-async fn known_run(
-    tx: &mut SqliteConnection,
-    id: SweepId,
-    run: &ToldRun,
-) -> Result<Option<KnownRun>, StoreError> {
+async fn known_run(tx: &mut Connection, id: SweepId, run: &ToldRun) -> Result<Option<KnownRun>, StoreError> {
     let row = match run {
         ToldRun::HandedOut(number) => {
             let sql = "SELECT number, state, responses, levels, seed FROM observations WHERE study_id = ? AND number = ?";
-            sqlx::query(sql).bind(id.to_string()).bind(*number as i64).fetch_optional(&mut *tx).await?
+            query(sql).bind(id.to_string()).bind(*number as i64).fetch_optional(&mut *tx).await?
         }
         ToldRun::Own { levels, seed } => {
             let sql = "SELECT number, state, responses, levels, seed FROM observations
                        WHERE study_id = ? AND source = 'client' AND levels = ? AND seed = ?";
-            let query = sqlx::query(sql).bind(id.to_string()).bind(levels).bind(*seed as i64);
+            let query = query(sql).bind(id.to_string()).bind(levels).bind(*seed as i64);
             query.fetch_optional(&mut *tx).await?
         }
     };
-    let known = |row: SqliteRow| {
+    let known = |row: Row| {
         Ok(KnownRun {
             number: row.column("number")?,
             outcome: RowOutcome::read(&row)?,
@@ -184,34 +179,29 @@ async fn known_run(
 
 /// The outcome of the run with these values and this seed in another row than `number`.
 async fn outcome_elsewhere(
-    tx: &mut SqliteConnection,
+    tx: &mut Connection,
     id: SweepId,
     (levels, seed): (&str, i64),
     number: Option<i64>,
 ) -> Result<Option<RowOutcome>, StoreError> {
-    let query = sqlx::query(OUTCOME_ELSEWHERE).bind(id.to_string()).bind(seed).bind(levels);
+    let query = query(OUTCOME_ELSEWHERE).bind(id.to_string()).bind(seed).bind(levels);
     let row = query.bind(number.unwrap_or_default()).fetch_optional(&mut *tx).await?;
     row.as_ref().map(RowOutcome::read).transpose()
 }
 
 /// Records the outcome of a run: of a stored one, or of a new one at a point of a client.
-async fn record(
-    tx: &mut SqliteConnection,
-    id: SweepId,
-    new: NewOutcome,
-    now: Timestamp,
-) -> Result<(), StoreError> {
+async fn record(tx: &mut Connection, id: SweepId, new: NewOutcome, now: Timestamp) -> Result<(), StoreError> {
     let NewOutcome { number, levels, seed, outcome: RowOutcome { state, responses } } = new;
     if let Some(number) = number {
         let sql = "UPDATE observations SET state = ?, responses = ?, recorded_at = ?
                    WHERE study_id = ? AND number = ?";
-        let query = sqlx::query(sql).bind(state).bind(responses).bind(now.0);
+        let query = query(sql).bind(state).bind(responses).bind(now.0);
         query.bind(id.to_string()).bind(number).execute(&mut *tx).await?;
         return Ok(());
     }
     let sql = "INSERT INTO observations (study_id, number, source, state, levels, replicate, seed, responses, recorded_at)
                VALUES (?, ?, 'client', ?, ?, 0, ?, ?, ?)";
-    sqlx::query(sql)
+    query(sql)
         .bind(id.to_string())
         .bind(next_number(tx, id).await?)
         .bind(state)

@@ -5,27 +5,42 @@ use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{AttemptOutcome, Cache, FailureClass, FilledBy, JobState};
 use roost_api::mesh::{MeshFormat, MeshView};
 use roost_api::time::Timestamp;
-use sqlx::AssertSqlSafe;
 
+use super::database::{AssertSqlSafe, query, query_scalar, raw_sql};
+use super::migrations::migrator;
+use super::testing::{Place, on_both_engines};
 use super::*;
 use crate::clock::Now;
 
 mod observations;
+mod postgres;
 mod query_plans;
 mod waits;
 
 async fn store() -> (Store, tempfile::TempDir) {
     let dir = tempfile::tempdir().unwrap();
-    (Store::open(&dir.path().join("roost.db"), None).await.unwrap(), dir)
+    let file = Location::File(dir.path().join("roost.db"));
+    (Store::open(&file, &dir.path().join(OBJECTS), None).await.unwrap(), dir)
 }
 
-#[tokio::test]
-async fn checks_of_the_schema_list_every_enum() {
-    let (store, _dir) = store().await;
-    let schema: Vec<String> = sqlx::query_scalar("SELECT sql FROM sqlite_master WHERE type = 'table'")
-        .fetch_all(&store.readers)
-        .await
-        .unwrap();
+on_both_engines!(
+    checks_of_the_schema_list_every_enum,
+    writes_of_a_group_fail_alone,
+    design_points_and_results_never_change,
+    a_lease_expires_by_the_lease_clock_and_its_end_has_wall_time,
+    versions_never_repeat_after_deletions,
+    parts_of_an_interrupted_upload_are_removed_at_the_next_start,
+);
+
+async fn checks_of_the_schema_list_every_enum(place: Place) {
+    let store = place.open().await;
+    let schema: Vec<String> = match store.readers.engine() {
+        Engine::Sqlite => {
+            let sql = "SELECT sql FROM sqlite_master WHERE type = 'table'";
+            query_scalar(sql).fetch_all(&store.readers).await.unwrap()
+        }
+        engine => migrator(engine).iter().map(|it| it.sql.as_str().to_owned()).collect(),
+    };
     let schema = schema.join("\n").split_whitespace().collect::<Vec<_>>().join(" ");
     fn words(all: impl Iterator<Item = &'static str>) -> String {
         all.map(|word| format!("'{word}'")).collect::<Vec<_>>().join(", ")
@@ -53,9 +68,9 @@ async fn connections_have_safe_settings() {
         .writer
         .write(|tx| {
             Box::pin(async move {
-                let mode: String = sqlx::query_scalar("PRAGMA journal_mode").fetch_one(&mut *tx).await?;
-                let flush: i64 = sqlx::query_scalar("PRAGMA synchronous").fetch_one(&mut *tx).await?;
-                let keys: i64 = sqlx::query_scalar("PRAGMA foreign_keys").fetch_one(&mut *tx).await?;
+                let mode: String = query_scalar("PRAGMA journal_mode").fetch_one(&mut *tx).await?;
+                let flush: i64 = query_scalar("PRAGMA synchronous").fetch_one(&mut *tx).await?;
+                let keys: i64 = query_scalar("PRAGMA foreign_keys").fetch_one(&mut *tx).await?;
                 Ok((mode, flush, keys))
             })
         })
@@ -63,24 +78,9 @@ async fn connections_have_safe_settings() {
         .unwrap();
     // 1 is `NORMAL`: the flusher flushes.
     assert_eq!(settings, ("wal".to_owned(), 1, 1));
-    let written = sqlx::query("DELETE FROM jobs").execute(&store.readers).await;
+    let written = query("DELETE FROM jobs").execute(&store.readers).await;
     assert!(written.unwrap_err().to_string().contains("readonly"), "readers only read");
     store.close().await;
-}
-
-#[test]
-fn an_old_sqlite_is_refused() {
-    for (version, sound) in [
-        ("3.51.3", true),
-        ("3.51.2", false),
-        ("3.50.9", false),
-        ("3.52.0", true),
-        ("4.0.0", true),
-        ("3.51.10", true),
-        ("", false),
-    ] {
-        assert_eq!(is_sound(version), sound, "{version}");
-    }
 }
 
 async fn insert_position(store: &Store, priority: i64, position: i64) -> Result<(), StoreError> {
@@ -90,10 +90,10 @@ async fn insert_position(store: &Store, priority: i64, position: i64) -> Result<
             Box::pin(async move {
                 let sql =
                     "INSERT INTO fair_share (priority, owner, queue_position, round) VALUES (?, 0, ?, 0)";
-                sqlx::query(sql).bind(priority).bind(position).execute(&mut *tx).await?;
+                query(sql).bind(priority).bind(position).execute(&mut *tx).await?;
                 // An odd position fails after the first statement.
                 if position % 2 == 1 {
-                    sqlx::query(sql).bind(priority).bind(position).execute(&mut *tx).await?;
+                    query(sql).bind(priority).bind(position).execute(&mut *tx).await?;
                 }
                 Ok(())
             })
@@ -101,9 +101,8 @@ async fn insert_position(store: &Store, priority: i64, position: i64) -> Result<
         .await
 }
 
-#[tokio::test]
-async fn writes_of_a_group_fail_alone() {
-    let (store, _dir) = store().await;
+async fn writes_of_a_group_fail_alone(place: Place) {
+    let store = place.open().await;
     let store = std::sync::Arc::new(store);
     let writes: Vec<_> = (0..50)
         .map(|number| {
@@ -114,30 +113,28 @@ async fn writes_of_a_group_fail_alone() {
     for (number, write) in writes.into_iter().enumerate() {
         assert_eq!(write.await.unwrap().is_ok(), number % 2 == 0, "{number}");
     }
-    let stored: Vec<i64> =
-        sqlx::query_scalar("SELECT queue_position FROM fair_share ORDER BY queue_position")
-            .fetch_all(&store.readers)
-            .await
-            .unwrap();
+    let stored: Vec<i64> = query_scalar("SELECT queue_position FROM fair_share ORDER BY queue_position")
+        .fetch_all(&store.readers)
+        .await
+        .unwrap();
     assert_eq!(stored, (0..50).step_by(2).collect::<Vec<_>>());
     store.close().await;
     assert!(matches!(insert_position(&store, 1, 2).await, Err(StoreError::WriterGone)));
 }
 
-#[tokio::test]
-async fn design_points_and_results_never_change() {
-    let (store, _dir) = store().await;
+async fn design_points_and_results_never_change(place: Place) {
+    let store = place.open().await;
     let attempt = |sql: &'static str| {
         store.writer.write(move |tx| {
             Box::pin(async move {
-                sqlx::raw_sql(
+                raw_sql(
                     "INSERT INTO sweeps (id, name, spec, factors, labels, points, replicates, submitted_at)
                      VALUES ('s', 'n', '{}', '[]', '{}', 1, 1, 0);
                      INSERT INTO design_points VALUES ('s', 0, '{}');",
                 )
                 .execute(&mut *tx)
                 .await?;
-                sqlx::raw_sql(sql).execute(&mut *tx).await?;
+                raw_sql(sql).execute(&mut *tx).await?;
                 Ok(())
             })
         })
@@ -147,18 +144,17 @@ async fn design_points_and_results_never_change() {
     assert!(error.contains("a design point never changes"), "{error}");
     let error = attempt("INSERT INTO design_points VALUES ('t', 0, '{}')").await.unwrap_err();
     let error = format!("{error:?}");
-    assert!(error.contains("FOREIGN KEY"), "{error}");
+    assert!(error.to_uppercase().contains("FOREIGN KEY"), "{error}");
     store.close().await;
 }
 
-#[tokio::test]
-async fn a_lease_expires_by_the_lease_clock_and_its_end_has_wall_time() {
-    let (store, _dir) = store().await;
+async fn a_lease_expires_by_the_lease_clock_and_its_end_has_wall_time(place: Place) {
+    let store = place.open().await;
     store
         .writer
         .write(|tx| {
             Box::pin(async move {
-                sqlx::raw_sql(
+                raw_sql(
                     "INSERT INTO scenarios (digest, body) VALUES ('d', '{}');
                      INSERT INTO jobs (id, scenario_digest, seed, priority, queue_position, labels, cache, submitted_at, state,
                                        attempt, cancelling, lease_expires_at)
@@ -174,7 +170,7 @@ async fn a_lease_expires_by_the_lease_clock_and_its_end_has_wall_time() {
         .unwrap();
     let now = Now { wall: Timestamp(7000), lease: Timestamp(100) };
     assert_eq!(store.expire(Default::default(), now).await.unwrap().changes.len(), 1);
-    let ended: i64 = sqlx::query_scalar("SELECT ended_at FROM jobs").fetch_one(&store.readers).await.unwrap();
+    let ended: i64 = query_scalar("SELECT ended_at FROM jobs").fetch_one(&store.readers).await.unwrap();
     assert_eq!(ended, 7000);
     store.close().await;
 }
@@ -196,15 +192,14 @@ fn mesh(digest: &str) -> MeshView {
     }
 }
 
-#[tokio::test]
-async fn versions_never_repeat_after_deletions() {
-    let (store, _dir) = store().await;
+async fn versions_never_repeat_after_deletions(place: Place) {
+    let store = place.open().await;
     let (sweep, job) = (SweepId::new(), JobId::new());
     let write = async |sql: String| {
         let sql = AssertSqlSafe(sql);
         store
             .writer
-            .write(move |tx| Box::pin(async move { Ok(sqlx::raw_sql(sql).execute(tx).await.map(drop)?) }))
+            .write(move |tx| Box::pin(async move { Ok(raw_sql(sql).execute(tx).await.map(drop)?) }))
             .await
             .unwrap();
     };
@@ -250,25 +245,24 @@ async fn versions_never_repeat_after_deletions() {
     store.close().await;
 }
 
-#[tokio::test]
-async fn parts_of_an_interrupted_upload_are_removed_at_the_next_start() {
-    let (store, dir) = store().await;
+async fn parts_of_an_interrupted_upload_are_removed_at_the_next_start(place: Place) {
+    let store = place.open().await;
     assert!(store.insert_mesh(mesh("whole"), &[1, 2, 3]).await.unwrap());
     assert!(!store.insert_mesh(mesh("whole"), &[1, 2, 3]).await.unwrap(), "stored before");
-    let half = "INSERT INTO mesh_parts VALUES ('half', 0, x'0102')";
+    let half = "INSERT INTO mesh_parts SELECT 'half', 0, data FROM mesh_parts";
     let write = async |sql: &'static str| {
         store
             .writer
-            .write(move |tx| Box::pin(async move { Ok(sqlx::raw_sql(sql).execute(tx).await.map(drop)?) }))
+            .write(move |tx| Box::pin(async move { Ok(raw_sql(sql).execute(tx).await.map(drop)?) }))
             .await
     };
     write(half).await.unwrap();
-    for sql in ["UPDATE mesh_parts SET data = x'00'", "UPDATE meshes SET bytes = 4"] {
+    for sql in ["UPDATE mesh_parts SET data = data", "UPDATE meshes SET bytes = 4"] {
         let error = format!("{:?}", write(sql).await.unwrap_err());
         assert!(error.contains("a mesh never changes"), "{sql}: {error}");
     }
     store.close().await;
-    let store = Store::open(&dir.path().join("roost.db"), None).await.unwrap();
+    let store = place.open().await;
     assert_eq!(store.mesh_part("half", 0).await.unwrap(), None);
     assert_eq!(store.mesh_file("whole").await.unwrap(), [1, 2, 3]);
     assert_eq!(store.mesh("whole").await.unwrap(), Some(mesh("whole")));

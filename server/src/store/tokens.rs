@@ -1,15 +1,13 @@
 //! Access tokens, hashed. The server reads them; `roost token` writes them, with or without a running server.
 
-use std::path::Path;
-
 use roost_api::time::Timestamp;
 use roost_api::token::{Scope, TokenView};
-use sqlx::sqlite::SqliteRow;
-use sqlx::{Connection, SqliteConnection};
 use uuid::Uuid;
 
 use super::columns::{Columns, corrupt, to_json};
-use super::{Store, StoreError, connect, options};
+use super::database::{Connection, Row, query, query_scalar, sqlite};
+use super::migrations::{migrate, refuse_newer};
+use super::{Location, Store, StoreError};
 
 /// A stored token.
 #[derive(Clone, Debug)]
@@ -25,8 +23,8 @@ impl Store {
     /// All tokens, revoked ones included: a server without tokens admits everybody, one with only revoked tokens nobody.
     pub(crate) async fn tokens(&self) -> Result<Vec<Token>, StoreError> {
         let sql = "SELECT id, name, hash, scopes, revoked_at IS NOT NULL AS is_revoked FROM tokens";
-        let rows = sqlx::query(sql).fetch_all(&self.readers).await?;
-        let token = |row: &SqliteRow| {
+        let rows = query(sql).fetch_all(&self.readers).await?;
+        let token = |row: &Row| {
             let hash: String = row.column("hash")?;
             let hash = blake3::Hash::from_hex(hash).map_err(|error| corrupt("hash of a token", error))?;
             Ok(Token {
@@ -42,18 +40,23 @@ impl Store {
 }
 
 /// The tokens of a data directory. Opening it does not migrate the database of a running server.
-pub struct TokenFile(SqliteConnection);
+pub struct TokenFile(Connection);
 
 impl TokenFile {
     /// Opens a database. `is_offline`: no server uses it, so that it is created and migrated as needed.
-    pub(crate) async fn open(path: &Path, is_offline: bool) -> Result<Self, StoreError> {
+    pub(crate) async fn open(place: &Location, is_offline: bool) -> Result<Self, StoreError> {
+        let mut connection: Connection = match place {
+            Location::File(path) => {
+                sqlite::connect(sqlite::options(path).create_if_missing(is_offline)).await?.0.into()
+            }
+            Location::Postgres(address) => address.connect().await?.0.into(),
+        };
+        let is_offline = is_offline && connection.locks_out_servers().await?;
         if is_offline {
-            let (mut connection, _) = connect(options(path)).await?;
-            super::migrate(&mut connection).await?;
-            return Ok(Self(connection));
+            migrate(&mut connection).await?
+        } else {
+            refuse_newer(&mut connection).await?
         }
-        let (mut connection, _) = connect(options(path).create_if_missing(false)).await?;
-        super::refuse_newer(&mut connection).await?;
         Ok(Self(connection))
     }
 
@@ -67,7 +70,7 @@ impl TokenFile {
         // 244 bits of the system's random numbers.
         let secret = format!("roost_{}{}", Uuid::new_v4().simple(), Uuid::new_v4().simple());
         let id = Uuid::now_v7().to_string();
-        sqlx::query("INSERT INTO tokens (id, name, hash, scopes, created_at) VALUES (?, ?, ?, ?, ?)")
+        query("INSERT INTO tokens (id, name, hash, scopes, created_at) VALUES (?, ?, ?, ?, ?)")
             .bind(&id)
             .bind(name)
             .bind(blake3::hash(secret.as_bytes()).to_hex().to_string())
@@ -81,8 +84,8 @@ impl TokenFile {
 
     /// All tokens, newest first.
     pub async fn list(&mut self) -> Result<Vec<TokenView>, StoreError> {
-        let rows = sqlx::query("SELECT * FROM tokens ORDER BY id DESC").fetch_all(&mut self.0).await?;
-        let view = |row: &SqliteRow| {
+        let rows = query("SELECT * FROM tokens ORDER BY id DESC").fetch_all(&mut self.0).await?;
+        let view = |row: &Row| {
             Ok(TokenView {
                 id: row.column("id")?,
                 name: row.column("name")?,
@@ -96,7 +99,7 @@ impl TokenFile {
 
     /// Revokes a token. Returns whether it was valid.
     pub async fn revoke(&mut self, id: &str, now: Timestamp) -> Result<bool, StoreError> {
-        let done = sqlx::query("UPDATE tokens SET revoked_at = ? WHERE id = ? AND revoked_at IS NULL")
+        let done = query("UPDATE tokens SET revoked_at = ? WHERE id = ? AND revoked_at IS NULL")
             .bind(now.0)
             .bind(id)
             .execute(&mut self.0)
@@ -107,7 +110,7 @@ impl TokenFile {
     /// Whether a valid token exists.
     pub async fn has_valid(&mut self) -> Result<bool, StoreError> {
         let sql = "SELECT EXISTS (SELECT 1 FROM tokens WHERE revoked_at IS NULL)";
-        Ok(sqlx::query_scalar(sql).fetch_one(&mut self.0).await?)
+        Ok(query_scalar(sql).fetch_one(&mut self.0).await?)
     }
 
     /// Closes the file.

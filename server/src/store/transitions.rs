@@ -4,11 +4,10 @@ use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::{AttemptOutcome, FilledBy, JobState};
 use roost_api::time::Timestamp;
 use serde_json::{Value, json};
-use sqlx::sqlite::SqliteRow;
-use sqlx::{AssertSqlSafe, SqliteConnection};
 
 use super::StoreError;
 use super::columns::{Columns, to_json};
+use super::database::{AssertSqlSafe, Connection, Row, query};
 use crate::queue::{AttemptSnapshot, FenceState, JobChange, JobSnapshot, Provenance, Refusal, fence};
 
 /// The columns of a [`JobSnapshot`]. The counts read only the few attempts of one job.
@@ -18,7 +17,7 @@ pub(super) const JOB_COLUMNS: &str = "j.id, j.state, j.cancelling, j.paused, j.a
     (SELECT count(*) FROM attempts f WHERE f.job_id = j.id AND f.number > j.attempts_before_retry AND f.outcome = 'lost')
         AS lost";
 
-pub(super) fn job_snapshot(row: &SqliteRow) -> Result<JobSnapshot, StoreError> {
+pub(super) fn job_snapshot(row: &Row) -> Result<JobSnapshot, StoreError> {
     Ok(JobSnapshot {
         id: row.parsed("id")?,
         state: row.parsed("state")?,
@@ -49,7 +48,7 @@ pub(super) struct FencedAttempt {
 
 /// Checks writes to attempts, and answers in their order.
 pub(super) async fn fence_attempts(
-    tx: &mut SqliteConnection,
+    tx: &mut Connection,
     attempts: &[AttemptRef],
 ) -> Result<Vec<Result<FencedAttempt, Refusal>>, StoreError> {
     let mut found: Vec<_> = attempts.iter().map(|_| Err(Refusal::NoJob)).collect();
@@ -58,14 +57,13 @@ pub(super) async fn fence_attempts(
     }
     let writes: Vec<_> = attempts.iter().map(|it| json!({"job": it.job, "attempt": it.attempt})).collect();
     let sql = format!(
-        "SELECT write.key AS place, {JOB_COLUMNS}, j.scenario_digest, a.worker_id AS claimed_by, a.outcome,
+        "SELECT CAST(write.key AS BIGINT) AS place, {JOB_COLUMNS}, j.scenario_digest, a.worker_id AS claimed_by, a.outcome,
                 w.solver_revision, w.backend, w.device
          FROM json_each(?) AS write CROSS JOIN jobs j ON j.id = write.value ->> 'job'
-         LEFT JOIN attempts a ON a.job_id = j.id AND a.number = write.value ->> 'attempt'
+         LEFT JOIN attempts a ON a.job_id = j.id AND a.number = CAST(write.value ->> 'attempt' AS BIGINT)
          LEFT JOIN workers w ON w.id = a.worker_id"
     );
-    let rows =
-        sqlx::query(AssertSqlSafe(sql)).bind(to_json("attempts", &writes)?).fetch_all(&mut *tx).await?;
+    let rows = query(AssertSqlSafe(sql)).bind(to_json("attempts", &writes)?).fetch_all(&mut *tx).await?;
     for row in &rows {
         let place = row.number::<u32>("place")? as usize;
         let Some(AttemptRef { attempt: number, worker, .. }) = attempts.get(place).copied() else { continue };
@@ -89,7 +87,7 @@ pub(super) async fn fence_attempts(
 
 /// An attempt that may write.
 pub(super) async fn fenced(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     job: JobId,
     attempt: u32,
     worker: WorkerId,
@@ -138,27 +136,24 @@ impl AttemptEnd<'_> {
 }
 
 /// Ends attempts of different jobs.
-pub(super) async fn end_attempts(
-    tx: &mut SqliteConnection,
-    endings: &[AttemptEnd<'_>],
-) -> Result<(), StoreError> {
+pub(super) async fn end_attempts(tx: &mut Connection, endings: &[AttemptEnd<'_>]) -> Result<(), StoreError> {
     if endings.is_empty() {
         return Ok(());
     }
     let endings: Vec<_> = endings.iter().map(AttemptEnd::to_value).collect();
     let endings = to_json("endings", &endings)?;
-    sqlx::query(END).bind(&endings).bind(&endings).execute(&mut *tx).await?;
+    query(END).bind(&endings).bind(&endings).execute(&mut *tx).await?;
     Ok(())
 }
 
 pub(super) const END: &str = "
     UPDATE attempts SET outcome = e.value ->> 'outcome', message = e.value ->> 'message',
-                        partial_digest = e.value ->> 'partial', filled_by = e.value ->> 'filled_by', ended_at = e.value ->> 'at'
+                        partial_digest = e.value ->> 'partial', filled_by = e.value ->> 'filled_by', ended_at = CAST(e.value ->> 'at' AS BIGINT)
     FROM json_each(?) AS e
-    WHERE attempts.job_id = e.value ->> 'job' AND attempts.number = e.value ->> 'attempt';
-    UPDATE jobs SET state = e.value ->> 'state', not_before = e.value ->> 'not_before',
-                    alone = max(alone, e.value ->> 'alone'), cancelling = 0, lease_expires_at = NULL,
+    WHERE attempts.job_id = e.value ->> 'job' AND attempts.number = CAST(e.value ->> 'attempt' AS BIGINT);
+    UPDATE jobs SET state = e.value ->> 'state', not_before = CAST(e.value ->> 'not_before' AS BIGINT),
+                    alone = CASE WHEN CAST(e.value ->> 'alone' AS BIGINT) = 1 THEN 1 ELSE alone END, cancelling = 0, lease_expires_at = NULL,
                     paused = CASE WHEN e.value ->> 'ended_at' IS NULL THEN paused ELSE 0 END,
                     failure_class = e.value ->> 'class', failure_message = e.value ->> 'why',
-                    ended_at = e.value ->> 'ended_at'
+                    ended_at = CAST(e.value ->> 'ended_at' AS BIGINT)
     FROM json_each(?) AS e WHERE jobs.id = e.value ->> 'job'";

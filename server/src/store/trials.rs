@@ -3,10 +3,9 @@
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::JobState;
 use roost_api::table::TrialRow;
-use sqlx::AssertSqlSafe;
-use sqlx::sqlite::SqliteRow;
 
 use super::columns::Columns;
+use super::database::{AssertSqlSafe, Row, query};
 use super::{Store, StoreError};
 use crate::sweep::Response;
 
@@ -50,7 +49,7 @@ impl Store {
         TrialPlace { from: (point, replicate), skip }: TrialPlace,
         limit: u32,
     ) -> Result<Vec<TrialRow>, StoreError> {
-        let rows = sqlx::query(AssertSqlSafe(format!("{COLUMNS} {FROM}")))
+        let rows = query(AssertSqlSafe(format!("{COLUMNS} {FROM}")))
             .bind(id.to_string())
             .bind(point)
             .bind(replicate)
@@ -70,7 +69,7 @@ impl Store {
         let sql = format!(
             "{COLUMNS} WHERE j.sweep_id = ? AND j.point >= ? AND j.point < ? ORDER BY j.point, j.replicate"
         );
-        let rows = sqlx::query(AssertSqlSafe(sql))
+        let rows = query(AssertSqlSafe(sql))
             .bind(id.to_string())
             .bind(points.start)
             .bind(points.end)
@@ -93,7 +92,7 @@ impl Store {
                                   AND j.state IN ('failed', 'cancelled')
              LEFT JOIN documents d ON d.digest = coalesce(r.document_digest, a.partial_digest) {FROM}"
         );
-        let rows = sqlx::query(AssertSqlSafe(sql))
+        let rows = query(AssertSqlSafe(sql))
             .bind(id.to_string())
             .bind(point)
             .bind(replicate)
@@ -115,29 +114,31 @@ impl Store {
 
     /// The responses in the results of a sweep, by name.
     pub(crate) async fn responses(&self, id: SweepId) -> Result<Vec<Response>, StoreError> {
-        let rows = sqlx::query(
-            "SELECT e.key, max(e.type IN ('integer', 'real')) AS numbers,
-                    max(e.type IN ('text', 'true', 'false')) AS words
+        let rows = query(
+            "SELECT e.key, max(CASE WHEN e.type IN ('integer', 'real') THEN 1 ELSE 0 END) AS numbers,
+                    max(CASE WHEN e.type IN ('text', 'true', 'false') THEN 1 ELSE 0 END) AS words
              FROM jobs j JOIN results r ON r.job_id = j.id, json_each(r.responses) e
-             WHERE j.sweep_id = ? GROUP BY e.key ORDER BY e.key",
+             WHERE j.sweep_id = ? GROUP BY e.key",
         )
         .bind(id.to_string())
         .fetch_all(&self.readers)
         .await?;
-        rows.iter()
-            .map(|row| {
-                Ok(Response {
-                    name: row.column("key")?,
-                    has_numbers: row.column("numbers")?,
-                    has_words: row.column("words")?,
-                })
+        let response = |row: &Row| {
+            Ok(Response {
+                name: row.column("key")?,
+                has_numbers: row.column("numbers")?,
+                has_words: row.column("words")?,
             })
-            .collect()
+        };
+        let mut responses: Vec<Response> = rows.iter().map(response).collect::<Result<_, StoreError>>()?;
+        // Not by the database, whose order depends on its locale.
+        responses.sort_by(|a, b| a.name.cmp(&b.name));
+        Ok(responses)
     }
 
     /// The running jobs of a sweep.
     pub(crate) async fn running_jobs(&self, id: SweepId) -> Result<Vec<JobId>, StoreError> {
-        let rows = sqlx::query("SELECT id FROM jobs WHERE sweep_id = ? AND state = 'running'")
+        let rows = query("SELECT id FROM jobs WHERE sweep_id = ? AND state = 'running'")
             .bind(id.to_string())
             .fetch_all(&self.readers)
             .await?;
@@ -145,7 +146,7 @@ impl Store {
     }
 }
 
-fn trial(row: &SqliteRow) -> Result<TrialRow, StoreError> {
+fn trial(row: &Row) -> Result<TrialRow, StoreError> {
     Ok(TrialRow {
         job_id: row.parsed("id")?,
         point: row.number("point")?,

@@ -7,17 +7,18 @@ use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::Cache;
 use roost_api::time::Timestamp;
 use roost_api::worker::WorkerRegistration;
-use sqlx::{AssertSqlSafe, Connection, SqliteConnection};
+use sqlx::{Connection, SqliteConnection};
 
+use super::database::{AssertSqlSafe, Engine, query, query_scalar, raw_sql, sqlite};
 use super::migrations::migrator;
-use super::{Claim, JobFilter, NewJob, Store, StoreError, TokenFile, connect, copy, options};
+use super::{Claim, JobFilter, Location, NewJob, Store, StoreError, TokenFile, copy};
 use crate::clock::Now;
 
 /// A new database with the migrations up to one.
 async fn open_at(path: &Path, version: i64) -> SqliteConnection {
-    let mut migrations = migrator();
+    let mut migrations = migrator(Engine::Sqlite);
     migrations.migrations.to_mut().retain(|migration| migration.version <= version);
-    let (mut database, _) = connect(options(path)).await.unwrap();
+    let (mut database, _) = sqlite::connect(sqlite::options(path)).await.unwrap();
     migrations.run(&mut database).await.unwrap();
     database
 }
@@ -32,16 +33,16 @@ async fn a_backup_of_an_earlier_version_counts_its_objects() {
         let mut database = open_at(&path, version).await;
         if version > 7 {
             let frames = "PRAGMA foreign_keys = OFF; INSERT INTO frames VALUES ('j', 1, 'o', 1, 1, NULL, 0)";
-            sqlx::raw_sql(frames).execute(&mut database).await.unwrap();
+            raw_sql(frames).execute(&mut database).await.unwrap();
         }
         if version >= 15 {
             let checkpoint = "INSERT INTO checkpoints VALUES ('j', 1, 'c', 1, 1, 1, 'cpu', 'd')";
-            sqlx::raw_sql(checkpoint).execute(&mut database).await.unwrap();
+            raw_sql(checkpoint).execute(&mut database).await.unwrap();
         }
         if version >= 17 {
             // Jobs compute fills again: a backup has none.
             let fill = "INSERT INTO fills VALUES ('f', 1, 'cpu', 'd', NULL, NULL, 'f', 1, 0)";
-            sqlx::raw_sql(fill).execute(&mut database).await.unwrap();
+            raw_sql(fill).execute(&mut database).await.unwrap();
         }
         database.close().await.unwrap();
         assert_eq!(copy(&path, &to).await.unwrap().absent_objects, absent, "version {version}");
@@ -67,10 +68,10 @@ async fn an_upgrade_to_owners_keeps_the_order_of_jobs_and_the_labels() {
                 ('{single}', NULL, NULL, NULL, 'd', 1, 7, 42, '{{"line": "south"}}', 'use', 0);
          INSERT INTO turns VALUES (7, 42);"#
     );
-    sqlx::raw_sql(AssertSqlSafe(sql)).execute(&mut database).await.unwrap();
+    raw_sql(AssertSqlSafe(sql)).execute(&mut database).await.unwrap();
     database.close().await.unwrap();
 
-    let store = Store::open(&path, None).await.unwrap();
+    let store = Store::open(&Location::File(path.clone()), &dir.path().join("objects"), None).await.unwrap();
     let found = async |value: &str| {
         let label = Some(("line".to_owned(), Some(value.to_owned())));
         let (jobs, _) = store.jobs(JobFilter { label, limit: 9, ..JobFilter::default() }).await.unwrap();
@@ -78,7 +79,7 @@ async fn an_upgrade_to_owners_keeps_the_order_of_jobs_and_the_labels() {
     };
     assert_eq!(found("south").await, [(single, "south".to_owned())]);
     assert_eq!(found(&long).await, [(swept, long.clone()), (later, long.clone())]);
-    let stored: i64 = sqlx::query_scalar("SELECT sum(length(labels)) FROM jobs WHERE sweep_id IS NOT NULL")
+    let stored: i64 = query_scalar("SELECT sum(length(labels)) FROM jobs WHERE sweep_id IS NOT NULL")
         .fetch_one(&store.readers)
         .await
         .unwrap();
@@ -135,18 +136,17 @@ async fn an_upgrade_to_owners_keeps_the_order_of_jobs_and_the_labels() {
 async fn a_database_of_a_newer_version_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("roost.db");
-    let store = Store::open(&path, None).await.unwrap();
+    let store = Store::open(&Location::File(path.clone()), &dir.path().join("objects"), None).await.unwrap();
     let newer = "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
                  VALUES (9999, 'from the future', 1, x'00', 0)";
-    let write = store
-        .writer
-        .write(move |tx| Box::pin(async move { Ok(sqlx::query(newer).execute(tx).await.map(drop)?) }));
+    let write =
+        store.writer.write(move |tx| Box::pin(async move { Ok(query(newer).execute(tx).await.map(drop)?) }));
     write.await.unwrap();
     store.close().await;
     let refused = [
-        Store::open(&path, None).await.err(),
-        TokenFile::open(&path, true).await.err(),
-        TokenFile::open(&path, false).await.err(),
+        Store::open(&Location::File(path.clone()), &dir.path().join("objects"), None).await.err(),
+        TokenFile::open(&Location::File(path.clone()), true).await.err(),
+        TokenFile::open(&Location::File(path.clone()), false).await.err(),
         copy(&path, &dir.path().join("copy.db")).await.err(),
     ];
     for error in refused {

@@ -9,6 +9,7 @@ use roost_api::job::JobState;
 use roost_api::time::Timestamp;
 
 use super::columns::Columns;
+use super::database::{query, query_as, query_scalar};
 use super::workers::online_window;
 use super::{Store, StoreError};
 
@@ -70,7 +71,7 @@ impl Store {
             Subject::Workers => (WORKERS, None),
             Subject::Meshes => (MESHES, None),
         };
-        let mut query = sqlx::query_as::<_, (i64, i64)>(sql);
+        let mut query = query_as::<(i64, i64)>(sql);
         if let Some(id) = id {
             query = query.bind(id);
         }
@@ -100,7 +101,7 @@ impl Store {
         now: Timestamp,
         lease: Duration,
     ) -> Result<QueueCounts, StoreError> {
-        let rows = sqlx::query(QUEUE_COUNTS).fetch_all(&self.readers).await?;
+        let rows = query(QUEUE_COUNTS).fetch_all(&self.readers).await?;
         let jobs = rows.iter().map(|row| Ok((row.parsed("state")?, row.column("jobs")?)));
         let jobs = jobs.collect::<Result<_, StoreError>>()?;
         let mut oldest: Option<i64> = None;
@@ -108,14 +109,14 @@ impl Store {
             oldest = oldest.or(row.column("oldest")?);
         }
         let oldest_queued_at: Option<i64> =
-            sqlx::query_scalar(QUEUED_AT).bind(oldest).fetch_optional(&self.readers).await?;
+            query_scalar(QUEUED_AT).bind(oldest).fetch_optional(&self.readers).await?;
         let (since, until) = online_window(now, lease);
-        let workers = sqlx::query_scalar("SELECT count(*) FROM workers WHERE last_seen_at BETWEEN ? AND ?")
+        let workers = query_scalar("SELECT count(*) FROM workers WHERE last_seen_at BETWEEN ? AND ?")
             .bind(since.0)
             .bind(until.0)
             .fetch_one(&self.readers)
             .await?;
-        let paused = sqlx::query_scalar(PAUSED).fetch_one(&self.readers).await?;
+        let paused = query_scalar(PAUSED).fetch_one(&self.readers).await?;
         Ok(QueueCounts { jobs, paused, oldest_queued_at: oldest_queued_at.map(Timestamp), workers })
     }
 }
@@ -143,11 +144,11 @@ pub(super) const QUEUED_AT: &str = "
 // `sqlite_sequence` has the highest number of each table. It never goes down, even when rows are deleted.
 
 const EVERYTHING: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'events'),
-    (SELECT coalesce(sum(seq), 0) FROM sqlite_sequence WHERE name IN ('jobs', 'sweeps', 'deletions'))";
+    (SELECT CAST(coalesce(sum(seq), 0) AS BIGINT) FROM sqlite_sequence WHERE name IN ('jobs', 'sweeps', 'deletions'))";
 // Where the events of a job or sweep were deleted, the oldest stored event is the version: the deleted ones were older.
 pub(super) const JOB: &str = "SELECT coalesce(
         (SELECT max(seq) FROM events WHERE job_id = ?1), -(SELECT min(seq) FROM events),
-        -(SELECT seq + 1 FROM sqlite_sequence WHERE name = 'events'), 0), state = 'queued'
+        -(SELECT seq + 1 FROM sqlite_sequence WHERE name = 'events'), 0), CASE state WHEN 'queued' THEN 1 ELSE 0 END
     FROM jobs WHERE id = ?1";
 pub(super) const SWEEP: &str = "SELECT coalesce(
         (SELECT max(seq) FROM events WHERE sweep_id = ?1), -(SELECT min(seq) FROM events),
@@ -155,8 +156,8 @@ pub(super) const SWEEP: &str = "SELECT coalesce(
     (SELECT coalesce(max(seq), 0) FROM jobs WHERE sweep_id = ?1)
     FROM sweeps WHERE id = ?1 AND state = 'ready'";
 const STUDIES: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'events'),
-    (SELECT coalesce(sum(seq), 0) FROM sqlite_sequence WHERE name IN ('jobs', 'sweeps', 'deletions'))
-        + (SELECT coalesce(sum(changes), 0) FROM studies)";
+    (SELECT CAST(coalesce(sum(seq), 0) AS BIGINT) FROM sqlite_sequence WHERE name IN ('jobs', 'sweeps', 'deletions'))
+        + (SELECT CAST(coalesce(sum(changes), 0) AS BIGINT) FROM studies)";
 
 const STUDY: &str = "SELECT coalesce(
         (SELECT max(seq) FROM events WHERE sweep_id = ?1), -(SELECT min(seq) FROM events),
@@ -165,6 +166,6 @@ const STUDY: &str = "SELECT coalesce(
     FROM studies JOIN sweeps ON sweeps.id = studies.sweep_id AND sweeps.state = 'ready' WHERE sweep_id = ?1";
 
 const WORKERS: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'events'),
-    (SELECT coalesce(max(last_seen_at), 0) + count(*) + coalesce(sum(draining), 0) FROM workers)";
+    (SELECT coalesce(max(last_seen_at), 0) + count(*) + CAST(coalesce(sum(draining), 0) AS BIGINT) FROM workers)";
 const MESHES: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'meshes'),
     (SELECT count(*) FROM meshes)";

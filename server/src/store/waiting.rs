@@ -9,9 +9,9 @@ use std::time::Duration;
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::Needs;
 use roost_api::time::Timestamp;
-use sqlx::sqlite::SqliteRow;
 
 use super::columns::{Columns, to_json};
+use super::database::{Row, query, query_scalar};
 use super::eligible_jobs::{
     ROUNDS, can_continue, claimable, computing_attempt, fits, has_failed, heads, is_left_to,
 };
@@ -87,7 +87,7 @@ pub(super) const SIGHTS: &str = concat!(
     fits!("j", "me"),
     " AS fits, NOT ",
     is_left_to!("j", "me"),
-    " AS leaves_it, CASE WHEN ?4 AND j.fill_digest IS NOT NULL AND NOT ",
+    " AS leaves_it, CASE WHEN ?4 <> 0 AND j.fill_digest IS NOT NULL AND NOT ",
     can_continue!("j", "me"),
     " THEN ",
     computing_attempt!("r.id", "j", "me"),
@@ -110,7 +110,7 @@ pub(super) const QUEUES: &str = concat!(
             ORDER BY j.queue_position DESC, j.seq DESC LIMIT 1) AS last,
            (SELECT count(*) FROM (SELECT 1 FROM jobs j WHERE ",
     claimable!("j"),
-    " AND j.priority = heads.priority AND j.owner = heads.owner AND j.queue = heads.queue LIMIT ?1)) AS jobs
+    " AND j.priority = heads.priority AND j.owner = heads.owner AND j.queue = heads.queue LIMIT ?1) AS counted) AS jobs
     FROM heads CROSS JOIN jobs first ON first.seq = (SELECT j.seq FROM jobs j WHERE ",
     claimable!("j"),
     " AND j.priority = heads.priority AND j.owner = heads.owner AND j.queue = heads.queue ORDER BY j.queue_position, j.seq LIMIT 1)
@@ -123,7 +123,7 @@ pub(super) const COMMON: &str = concat!(
             count(*) AS jobs, min(queue_position) AS first, max(queue_position) AS last
      FROM (SELECT * FROM jobs j WHERE ",
     claimable!("j"),
-    " AND j.priority = ? AND j.owner = ? AND j.queue = 0 LIMIT ?) GROUP BY needs_backend, needs_memory_mib"
+    " AND j.priority = ? AND j.owner = ? AND j.queue = 0 LIMIT ?) AS common GROUP BY priority, owner, queue, needs_backend, needs_memory_mib"
 );
 
 /// Jobs of a queue that come before a place, by needs, among the first ones up to a limit.
@@ -132,7 +132,7 @@ pub(super) const BEFORE: &str = concat!(
          SELECT needs_backend, needs_memory_mib FROM jobs j WHERE ",
     claimable!("j"),
     " AND j.priority = ? AND j.owner = ? AND j.queue = ? AND (j.queue_position, j.seq) < (?, ?)
-         ORDER BY j.queue_position, j.seq LIMIT ?) GROUP BY needs_backend, needs_memory_mib"
+         ORDER BY j.queue_position, j.seq LIMIT ?) AS before GROUP BY needs_backend, needs_memory_mib"
 );
 
 /// The first or last queued jobs of a sweep, in the order of submission.
@@ -193,16 +193,15 @@ pub(super) const SWEEP_ENDS: [&str; 2] = [
 /// Jobs of a sweep in a pause after a failure, up to 1,000, and the oldest of them.
 pub(super) const IN_PAUSE: &str = "SELECT found.jobs, (SELECT id FROM jobs WHERE seq = found.oldest) AS first FROM (
     SELECT count(*) AS jobs, min(seq) AS oldest FROM (
-        SELECT seq FROM jobs INDEXED BY jobs_by_not_before WHERE not_before IS NOT NULL AND paused = 0 AND sweep_id = ? LIMIT 1000)) AS found";
+        SELECT seq FROM jobs INDEXED BY jobs_by_not_before WHERE not_before IS NOT NULL AND paused = 0 AND sweep_id = ? LIMIT 1000) AS pausing) AS found";
 
 impl Store {
     /// A queued job and its place; none in any other state.
     pub(crate) async fn queued_job(&self, id: JobId) -> Result<Option<StoredQueuedJob>, StoreError> {
-        let row = sqlx::query(JOB).bind(id.to_string()).fetch_optional(&self.readers).await?;
+        let row = query(JOB).bind(id.to_string()).fetch_optional(&self.readers).await?;
         let Some(row) = row else { return Ok(None) };
         let seq: i64 = row.column("seq")?;
-        let since: Option<i64> =
-            sqlx::query_scalar(QUEUED_AT).bind(seq).fetch_optional(&self.readers).await?;
+        let since: Option<i64> = query_scalar(QUEUED_AT).bind(seq).fetch_optional(&self.readers).await?;
         let newest = match row.parsed_opt("outcome")? {
             Some(outcome) => {
                 let message: Option<String> = row.column("outcome_message")?;
@@ -233,7 +232,7 @@ impl Store {
     }
 
     async fn needs(&self, sql: &'static str, id: String) -> Result<Needs, StoreError> {
-        let row = sqlx::query(sql).bind(id).fetch_optional(&self.readers).await?;
+        let row = query(sql).bind(id).fetch_optional(&self.readers).await?;
         row.as_ref().map_or_else(|| Ok(Needs::default()), needs)
     }
 
@@ -246,14 +245,14 @@ impl Store {
         lease: Duration,
     ) -> Result<Vec<(String, WorkerSight)>, StoreError> {
         let (since, until) = online_window(now, lease);
-        let rows = sqlx::query(SIGHTS)
+        let rows = query(SIGHTS)
             .bind(job.to_string())
             .bind(since.0)
             .bind(until.0)
             .bind(shares_fills)
             .fetch_all(&self.readers)
             .await?;
-        let sight = |row: &SqliteRow| {
+        let sight = |row: &Row| {
             let sight = WorkerSight {
                 name: row.column("name")?,
                 backend: row.column("backend")?,
@@ -277,12 +276,12 @@ impl Store {
     /// A sweep in a queue of its own has consecutive positions: above [`MAX_COUNTED`], they give the number of its jobs. Of the common
     /// queue of an owner, which has single jobs and small sweeps, up to [`MAX_COMMON`] jobs are counted by needs.
     pub(crate) async fn queue_groups(&self) -> Result<(Vec<QueueGroup>, Rounds), StoreError> {
-        let rows = sqlx::query(QUEUES).bind(MAX_COUNTED as i64 + 1).fetch_all(&self.readers).await?;
+        let rows = query(QUEUES).bind(MAX_COUNTED as i64 + 1).fetch_all(&self.readers).await?;
         let mut groups = Vec::with_capacity(rows.len());
         for row in &rows {
             let mut found = group(row)?;
             if found.queue == 0 {
-                let common = sqlx::query(COMMON).bind(found.priority).bind(found.owner).bind(MAX_COMMON);
+                let common = query(COMMON).bind(found.priority).bind(found.owner).bind(MAX_COMMON);
                 for row in common.fetch_all(&self.readers).await? {
                     groups.push(group(&row)?);
                 }
@@ -297,9 +296,7 @@ impl Store {
         priorities.sort_unstable();
         priorities.dedup();
         let mut rounds = Rounds::default();
-        for row in
-            sqlx::query(ROUNDS).bind(to_json("priorities", &priorities)?).fetch_all(&self.readers).await?
-        {
+        for row in query(ROUNDS).bind(to_json("priorities", &priorities)?).fetch_all(&self.readers).await? {
             rounds.record(row.column("priority")?, row.column("owner")?, row.column("round")?);
         }
         Ok((groups, rounds))
@@ -307,7 +304,7 @@ impl Store {
 
     /// Jobs of a queue of an owner that come before a place. Of a long queue, the first [`MAX_COUNTED`] + 1 are counted, whatever they need.
     pub(crate) async fn jobs_before(&self, queue: i64, place: QueuePlace) -> Result<CountedJobs, StoreError> {
-        let rows = sqlx::query(BEFORE)
+        let rows = query(BEFORE)
             .bind(place.priority)
             .bind(place.owner)
             .bind(queue)
@@ -316,7 +313,7 @@ impl Store {
             .bind(MAX_COUNTED as i64 + 1)
             .fetch_all(&self.readers)
             .await?;
-        let count = |row: &SqliteRow| Ok((needs(row)?, row.number("jobs")?));
+        let count = |row: &Row| Ok((needs(row)?, row.number("jobs")?));
         Ok(CountedJobs(rows.iter().map(count).collect::<Result<_, StoreError>>()?))
     }
 
@@ -326,8 +323,8 @@ impl Store {
         sweep: SweepId,
     ) -> Result<Option<(JobId, QueuePlace, QueuePlace)>, StoreError> {
         let id = sweep.to_string();
-        let first = sqlx::query(SWEEP_ENDS[0]).bind(&id).fetch_optional(&self.readers).await?;
-        let last = sqlx::query(SWEEP_ENDS[1]).bind(&id).fetch_optional(&self.readers).await?;
+        let first = query(SWEEP_ENDS[0]).bind(&id).fetch_optional(&self.readers).await?;
+        let last = query(SWEEP_ENDS[1]).bind(&id).fetch_optional(&self.readers).await?;
         match (first, last) {
             (Some(first), Some(last)) => Ok(Some((first.parsed("id")?, place(&first)?, place(&last)?))),
             _ => Ok(None),
@@ -336,7 +333,7 @@ impl Store {
 
     /// Number of jobs of a sweep in a pause after a failure, and one of them.
     pub(crate) async fn jobs_in_pause(&self, sweep: SweepId) -> Result<(u64, Option<JobId>), StoreError> {
-        let row = sqlx::query(IN_PAUSE).bind(sweep.to_string()).fetch_one(&self.readers).await?;
+        let row = query(IN_PAUSE).bind(sweep.to_string()).fetch_one(&self.readers).await?;
         Ok((row.number("jobs")?, row.parsed_opt("first")?))
     }
 
@@ -348,7 +345,7 @@ impl Store {
         lease: Duration,
     ) -> Result<(u64, Option<JobId>), StoreError> {
         let (since, until) = online_window(now, lease);
-        let row = sqlx::query(WAITING_FOR_FILLS)
+        let row = query(WAITING_FOR_FILLS)
             .bind(sweep.to_string())
             .bind(since.0)
             .bind(until.0)
@@ -359,11 +356,11 @@ impl Store {
     }
 }
 
-fn needs(row: &SqliteRow) -> Result<Needs, StoreError> {
+fn needs(row: &Row) -> Result<Needs, StoreError> {
     Ok(Needs { backend: row.column("needs_backend")?, memory_mib: row.number_opt("needs_memory_mib")? })
 }
 
-fn group(row: &SqliteRow) -> Result<QueueGroup, StoreError> {
+fn group(row: &Row) -> Result<QueueGroup, StoreError> {
     Ok(QueueGroup {
         priority: row.column("priority")?,
         owner: row.column("owner")?,
@@ -375,7 +372,7 @@ fn group(row: &SqliteRow) -> Result<QueueGroup, StoreError> {
     })
 }
 
-fn place(row: &SqliteRow) -> Result<QueuePlace, StoreError> {
+fn place(row: &Row) -> Result<QueuePlace, StoreError> {
     Ok(QueuePlace {
         seq: row.column("seq")?,
         priority: row.column("priority")?,

@@ -7,9 +7,9 @@ use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::Needs;
 use roost_api::time::Timestamp;
 use roost_api::worker::{WorkerRegistration, WorkerView};
-use sqlx::sqlite::SqliteRow;
 
 use super::columns::Columns;
+use super::database::{Row, query};
 use super::{Store, StoreError};
 use crate::queue::Refusal;
 
@@ -58,7 +58,7 @@ impl Store {
             .write(move |tx| {
                 Box::pin(async move {
                     // The solver may not change: results are checked against it, even those in an outbox.
-                    let registered = sqlx::query(
+                    let registered = query(
                         "INSERT INTO workers (id, name, solver_revision, backend, device, threads, memory_mib,
                                               registered_at, last_seen_at)
                          VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)
@@ -89,7 +89,7 @@ impl Store {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    let known = sqlx::query("UPDATE workers SET draining = 1 WHERE id = ?")
+                    let known = query("UPDATE workers SET draining = 1 WHERE id = ?")
                         .bind(id.to_string())
                         .execute(&mut *tx)
                         .await?;
@@ -103,9 +103,9 @@ impl Store {
     pub(crate) async fn forget_workers(&self, before: Timestamp) -> Result<u64, StoreError> {
         self.writer
             .write(move |tx| {
-                Box::pin(async move {
-                    Ok(sqlx::query(FORGET).bind(before.0).execute(&mut *tx).await?.rows_affected())
-                })
+                Box::pin(
+                    async move { Ok(query(FORGET).bind(before.0).execute(&mut *tx).await?.rows_affected()) },
+                )
             })
             .await
     }
@@ -117,8 +117,8 @@ impl Store {
         lease: Duration,
     ) -> Result<Vec<OnlineWorker>, StoreError> {
         let (since, until) = online_window(now, lease);
-        let rows = sqlx::query(ONLINE).bind(since.0).bind(until.0).fetch_all(&self.readers).await?;
-        let worker = |row: &SqliteRow| {
+        let rows = query(ONLINE).bind(since.0).bind(until.0).fetch_all(&self.readers).await?;
+        let worker = |row: &Row| {
             Ok(OnlineWorker {
                 id: row.column("id")?,
                 backend: row.column("backend")?,
@@ -138,14 +138,14 @@ impl Store {
         limit: u32,
     ) -> Result<(Vec<WorkerView>, Option<WorkerId>), StoreError> {
         let mut running: HashMap<WorkerId, Vec<JobId>> = HashMap::new();
-        let rows = sqlx::query("SELECT id, worker_id FROM jobs WHERE state = 'running' ORDER BY seq")
+        let rows = query("SELECT id, worker_id FROM jobs WHERE state = 'running' ORDER BY seq")
             .fetch_all(&self.readers)
             .await?;
         for row in rows {
             running.entry(row.parsed("worker_id")?).or_default().push(row.parsed("id")?);
         }
         // Identifiers are UUIDv7, in the order in which processes started.
-        let rows = sqlx::query(
+        let rows = query(
             "SELECT w.*, (SELECT count(*) FROM attempts WHERE worker_id = w.id AND outcome = 'succeeded')
                 AS succeeded,
                 (SELECT count(*) FROM attempts WHERE worker_id = w.id AND outcome = 'worker') AS failed
@@ -190,6 +190,13 @@ mod tests {
     use super::*;
     use crate::clock::Now;
     use crate::store::Claim;
+    use crate::store::database::{AssertSqlSafe, raw_sql};
+    use crate::store::testing::{Place, on_both_engines};
+
+    on_both_engines!(
+        offline_workers_without_attempts_are_removed,
+        a_worker_last_seen_in_the_future_is_offline,
+    );
 
     const LEASE: Duration = Duration::from_secs(15);
     const HOUR_MS: i64 = 3_600_000;
@@ -209,7 +216,7 @@ mod tests {
 
     async fn write(store: &Store, sql: String) {
         let write = store.writer.write(move |tx| {
-            Box::pin(async move { Ok(sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(tx).await.map(drop)?) })
+            Box::pin(async move { Ok(raw_sql(AssertSqlSafe(sql)).execute(tx).await.map(drop)?) })
         });
         write.await.unwrap();
     }
@@ -227,10 +234,8 @@ mod tests {
         write(store, sql).await;
     }
 
-    #[tokio::test]
-    async fn offline_workers_without_attempts_are_removed() {
-        let dir = tempfile::tempdir().unwrap();
-        let store = Store::open(&dir.path().join("roost.db"), None).await.unwrap();
+    async fn offline_workers_without_attempts_are_removed(place: Place) {
+        let store = place.open().await;
         let (ran, idle, new) = (WorkerId::new(), WorkerId::new(), WorkerId::new());
         for (worker, seen) in [(ran, 1), (idle, 1), (new, 10)] {
             store.register_worker(registration(worker), Timestamp(seen)).await.unwrap().unwrap();
@@ -248,10 +253,8 @@ mod tests {
         store.close().await;
     }
 
-    #[tokio::test]
-    async fn a_worker_last_seen_in_the_future_is_offline() {
-        let dir = tempfile::tempdir().unwrap();
-        let store = Store::open(&dir.path().join("roost.db"), None).await.unwrap();
+    async fn a_worker_last_seen_in_the_future_is_offline(place: Place) {
+        let store = place.open().await;
         let (me, other, now) = (WorkerId::new(), WorkerId::new(), Timestamp(10 * HOUR_MS));
         for worker in [me, other] {
             store.register_worker(registration(worker), now).await.unwrap().unwrap();

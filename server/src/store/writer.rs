@@ -1,12 +1,14 @@
 //! The writer: a task that owns the only writing connection and commits in groups.
 //!
-//! SQLite has one writer at a time, and a commit costs a flush to disk. Writes that queue up during a transaction form the next group:
-//! `BEGIN IMMEDIATE`, a savepoint per write, `COMMIT`, a flush by the [`Flusher`], then the answers. A failed write is rolled back alone.
+//! The database has one writer at a time, and a commit costs a flush to disk. Writes that queue up during a transaction form the next group:
+//! a transaction with a savepoint per write, `COMMIT`, for SQLite a flush by the [`Flusher`], then the answers. A failed write is rolled back alone.
 //! A transaction awaits only SQL on this connection and the encoding of the next jobs of an extension. A closed connection of the client
 //! does not interrupt it.
 //!
 //! A slice of a large sweep, or a large extension, has its own transaction without a savepoint: for a savepoint, SQLite copies every page
 //! before its first change, and each job changes a page.
+//!
+//! A connection to PostgreSQL can break. All writes of its group are then refused, and the next write opens another connection.
 
 use std::future::Future;
 use std::io;
@@ -17,12 +19,15 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use prometheus_client::metrics::histogram::Histogram;
-use sqlx::{Connection, SqliteConnection};
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
+pub(super) use line::Line;
+use line::Phrases;
+
 use super::StoreError;
+use super::database::{Connection, Engine, raw_sql};
 use super::flusher::{Answer, Flusher};
 
 /// Jobs that one transaction of a large sweep changes. A claim or heartbeat waits for two such transactions at most: one that runs, and one
@@ -40,7 +45,7 @@ trait Write: Send {
     fn is_large(&self) -> bool;
 
     /// Executes it. The caller commits and answers.
-    fn run<'t>(self: Box<Self>, connection: &'t mut SqliteConnection) -> Run<'t>;
+    fn run<'t>(self: Box<Self>, connection: &'t mut Connection) -> Run<'t>;
 
     /// Answers with an error before the start.
     fn refuse(self: Box<Self>, error: StoreError);
@@ -55,13 +60,13 @@ struct Request<T, F> {
 impl<T, F> Write for Request<T, F>
 where
     T: Send + 'static,
-    F: for<'t> FnOnce(&'t mut SqliteConnection) -> Work<'t, T> + Send + 'static,
+    F: for<'t> FnOnce(&'t mut Connection) -> Work<'t, T> + Send + 'static,
 {
     fn is_large(&self) -> bool {
         self.is_large
     }
 
-    fn run<'t>(self: Box<Self>, connection: &'t mut SqliteConnection) -> Run<'t> {
+    fn run<'t>(self: Box<Self>, connection: &'t mut Connection) -> Run<'t> {
         Box::pin(async move {
             let Self { work, sender, .. } = *self;
             let outcome = work(connection).await;
@@ -85,9 +90,6 @@ struct Finished {
     reply: Box<dyn FnOnce(Result<(), StoreError>) + Send>,
 }
 
-/// Maximum number of writes per commit. It bounds the time that the first of them waits.
-const GROUP: usize = 128;
-
 /// Upper bounds of the histogram of commit times, in seconds, from a fast SSD to a failing disk.
 const COMMIT_SECONDS: [f64; 10] = [0.0005, 0.001, 0.002, 0.005, 0.01, 0.025, 0.1, 0.5, 2.0, 10.0];
 
@@ -106,13 +108,23 @@ enum Message {
 
 impl Writer {
     /// Starts the task. It flushes the write-ahead log at `log` after each commit.
-    pub(super) fn start(connection: SqliteConnection, log: &Path) -> io::Result<Self> {
-        Self::start_with(connection, |seconds, ended| Flusher::start(log, seconds, ended).map(Some))
+    pub(super) fn open(connection: Connection, line: Line, log: Option<&Path>) -> io::Result<Self> {
+        Self::spawn((connection, line), |seconds, ended| {
+            log.map(|log| Flusher::start(log, seconds, ended)).transpose()
+        })
     }
 
-    /// The same, with a flusher made from the histogram of commit times and the end of the writer; none for a database in memory.
+    /// The same for SQLite, with a flusher made from the histogram of commit times and the end of the writer; none for a database in memory.
+    #[cfg(test)]
     pub(super) fn start_with(
-        connection: SqliteConnection,
+        connection: impl Into<Connection>,
+        flusher: impl FnOnce(Histogram, CancellationToken) -> io::Result<Option<Flusher>>,
+    ) -> io::Result<Self> {
+        Self::spawn((connection.into(), Line::file()), flusher)
+    }
+
+    fn spawn(
+        opened: (Connection, Line),
         flusher: impl FnOnce(Histogram, CancellationToken) -> io::Result<Option<Flusher>>,
     ) -> io::Result<Self> {
         let (queue, waiting) = mpsc::channel(1024);
@@ -122,10 +134,11 @@ impl Writer {
         let commits = Arc::new(AtomicU64::new(0));
         let counted = commits.clone();
         let commit_seconds = Histogram::new(COMMIT_SECONDS);
+        let seconds = commit_seconds.clone();
         let flusher = flusher(commit_seconds.clone(), ended.clone())?;
         let task = tokio::spawn(async move {
             let _guard = guard;
-            run(connection, waiting, &counted, flusher).await;
+            run(opened, waiting, &counted, (flusher, seconds)).await;
         });
         Ok(Self { queue, task: tokio::sync::Mutex::new(Some(task)), ended, commits, commit_seconds })
     }
@@ -159,7 +172,7 @@ impl Writer {
     pub(super) async fn write<T, F>(&self, work: F) -> Result<T, StoreError>
     where
         T: Send + 'static,
-        F: for<'t> FnOnce(&'t mut SqliteConnection) -> Work<'t, T> + Send + 'static,
+        F: for<'t> FnOnce(&'t mut Connection) -> Work<'t, T> + Send + 'static,
     {
         self.write_as(false, work).await
     }
@@ -168,7 +181,7 @@ impl Writer {
     pub(super) async fn write_as<T, F>(&self, is_large: bool, work: F) -> Result<T, StoreError>
     where
         T: Send + 'static,
-        F: for<'t> FnOnce(&'t mut SqliteConnection) -> Work<'t, T> + Send + 'static,
+        F: for<'t> FnOnce(&'t mut Connection) -> Work<'t, T> + Send + 'static,
     {
         let (sender, receiver) = oneshot::channel();
         let write = Box::new(Request { is_large, work, sender });
@@ -217,27 +230,68 @@ impl Next {
     }
 }
 
-async fn run(
-    mut connection: SqliteConnection,
-    mut waiting: mpsc::Receiver<Message>,
+/// Begins the transaction of a write. A broken connection is replaced.
+async fn begin(
+    connection: &mut Option<Connection>,
+    line: &mut Line,
+    is_large: bool,
     commits: &AtomicU64,
-    flusher: Option<Flusher>,
-) {
-    let mut next = Next::default();
-    while let Some(first) = next.first(&mut waiting).await {
-        // Several statements per call: a call into SQLite's thread costs as much as a small statement.
-        let begin = if first.is_large() { "BEGIN IMMEDIATE" } else { "BEGIN IMMEDIATE; SAVEPOINT piece" };
-        if let Err(error) = sqlx::raw_sql(begin).execute(&mut connection).await {
-            let error = StoreError::Commit(Arc::new(error));
-            tracing::error!(error = error.as_dyn(), "a transaction could not begin");
-            first.refuse(error);
+) -> Result<(), StoreError> {
+    loop {
+        let is_new = connection.is_none();
+        let mut open = match connection.take() {
+            Some(open) => open,
+            None => {
+                let open = line.open().await?;
+                // The last transaction before it may have been committed.
+                commits.fetch_add(1, Ordering::Release);
+                open
+            }
+        };
+        let phrases = Phrases::of(&open);
+        let sql = if is_large { phrases.begin } else { phrases.begin_group };
+        let begun = raw_sql(sql).execute(&mut open).await;
+        if begun.is_ok() || roll_back(&mut open).await {
+            *connection = Some(open);
+        } else if !is_new {
+            // It broke while nobody wrote.
             continue;
         }
+        return begun.map_err(|error| StoreError::Commit(Arc::new(error)));
+    }
+}
+
+/// Ends a failed transaction. Returns whether the connection can be used again.
+async fn roll_back(connection: &mut Connection) -> bool {
+    // Fails in SQLite if there is nothing to roll back, which does no harm.
+    let done = raw_sql("ROLLBACK").execute(&mut *connection).await;
+    done.is_ok() || connection.engine() == Engine::Sqlite
+}
+
+async fn run(
+    (connection, mut line): (Connection, Line),
+    mut waiting: mpsc::Receiver<Message>,
+    commits: &AtomicU64,
+    (flusher, seconds): (Option<Flusher>, Histogram),
+) {
+    let mut next = Next::default();
+    let mut open = Some(connection);
+    while let Some(first) = next.first(&mut waiting).await {
+        let begun = begin(&mut open, &mut line, first.is_large(), commits).await;
+        let connection = match (begun, &mut open) {
+            (Ok(()), Some(connection)) => connection,
+            (begun, _) => {
+                let error = begun.err().unwrap_or(StoreError::WriterGone);
+                tracing::error!(error = error.as_dyn(), "a transaction could not begin");
+                first.refuse(error);
+                continue;
+            }
+        };
         let mut finished = Vec::new();
         let committed = if first.is_large() {
-            execute_large(&mut connection, first, &mut finished).await
+            execute_large(connection, first, &mut finished).await
         } else {
-            execute_group(&mut connection, first, &mut waiting, &mut finished, &mut next).await
+            execute_group(connection, first, &mut waiting, &mut finished, &mut next).await
         };
         // Before the answers: a client that reads after its answer must not get an older version.
         commits.fetch_add(1, Ordering::Release);
@@ -254,11 +308,15 @@ async fn run(
                     break;
                 }
             }
-            (Ok(_), None) => answer(Ok(())),
+            (Ok(started), None) => {
+                seconds.observe(started.elapsed().as_secs_f64());
+                answer(Ok(()));
+            }
             (Err(error), _) => {
                 tracing::error!(%error, pieces, "writes were not committed");
-                // Fails if there is nothing to roll back, which does no harm.
-                let _ = sqlx::query("ROLLBACK").execute(&mut connection).await;
+                if !roll_back(connection).await {
+                    open = None;
+                }
                 answer(Err(error));
             }
         }
@@ -266,14 +324,16 @@ async fn run(
     if let Some(flusher) = flusher {
         flusher.close().await;
     }
-    if let Err(error) = connection.close().await {
+    if let Some(connection) = open
+        && let Err(error) = connection.close().await
+    {
         tracing::warn!(%error, "the database did not close cleanly");
     }
 }
 
 /// Executes a large write, and commits. Returns the start of the commit.
 async fn execute_large(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     piece: Box<dyn Write>,
     finished: &mut Vec<Finished>,
 ) -> Result<Instant, Arc<sqlx::Error>> {
@@ -281,24 +341,25 @@ async fn execute_large(
     let end = if done.keep { "COMMIT" } else { "ROLLBACK" };
     finished.push(done);
     let started = Instant::now();
-    sqlx::raw_sql(end).execute(connection).await.map(|_| started).map_err(Arc::new)
+    raw_sql(end).execute(connection).await.map(|_| started).map_err(Arc::new)
 }
 
 /// Executes the first write and those that queue up meanwhile, and commits. Returns the start of the commit.
 async fn execute_group(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     first: Box<dyn Write>,
     waiting: &mut mpsc::Receiver<Message>,
     finished: &mut Vec<Finished>,
     next: &mut Next,
 ) -> Result<Instant, Arc<sqlx::Error>> {
     let mut piece = first;
+    let group = Phrases::of(connection).group;
     loop {
         let done = piece.run(&mut *connection).await;
         let keep = done.keep;
         // Stored before anything else can fail: it is answered in any case.
         finished.push(done);
-        let more = if finished.len() < GROUP { next.more(waiting) } else { None };
+        let more = if finished.len() < group { next.more(waiting) } else { None };
         let sql = match (keep, &more) {
             (true, Some(_)) => "RELEASE piece; SAVEPOINT piece",
             (false, Some(_)) => "ROLLBACK TO piece",
@@ -306,7 +367,7 @@ async fn execute_group(
             (false, None) => "ROLLBACK TO piece; RELEASE piece; COMMIT",
         };
         let started = Instant::now();
-        let outcome = sqlx::raw_sql(sql).execute(&mut *connection).await;
+        let outcome = raw_sql(sql).execute(&mut *connection).await;
         match (outcome, more) {
             (Ok(_), Some(more)) => piece = more,
             (Ok(_), None) => return Ok(started),
@@ -321,5 +382,6 @@ async fn execute_group(
     }
 }
 
+mod line;
 #[cfg(test)]
 mod tests;

@@ -17,6 +17,7 @@ use std::time::Instant;
 use futures_util::FutureExt;
 
 use super::Store;
+use super::testing::Place;
 use world::World;
 
 /// Seeds of the usual test.
@@ -41,12 +42,10 @@ async fn run_seed(store: &Store, seed: u64, is_verbose: bool) {
 }
 
 /// Runs seeds one after the other, on one store.
-fn run_seeds(seeds: impl Iterator<Item = u64>, is_verbose: bool) {
+fn run_seeds(place: &Place, seeds: impl Iterator<Item = u64>, is_verbose: bool) {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     runtime.block_on(async {
-        // In memory where possible: the disk is not under test.
-        let dir = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap();
-        let store = Store::open(&dir.path().join("roost.db"), None).await.unwrap();
+        let store = place.open().await;
         for seed in seeds {
             run_seed(&store, seed, is_verbose).await;
         }
@@ -56,8 +55,17 @@ fn run_seeds(seeds: impl Iterator<Item = u64>, is_verbose: bool) {
 
 #[test]
 fn no_seed_loses_a_job_or_records_a_result_twice() {
+    simulate(Place::sqlite);
+}
+
+#[test]
+fn no_seed_loses_a_job_or_records_a_result_twice_in_postgresql() {
+    simulate(Place::postgres);
+}
+
+fn simulate(place: fn() -> Place) {
     if let Some(seed) = from_environment("ROOST_SEED") {
-        return run_seeds(std::iter::once(seed), true);
+        return run_seeds(&place(), std::iter::once(seed), true);
     }
     let (seeds, first, started) = (
         from_environment("ROOST_SEEDS").unwrap_or(SEEDS),
@@ -66,7 +74,7 @@ fn no_seed_loses_a_job_or_records_a_result_twice() {
     );
     std::thread::scope(|scope| {
         for half in 0..2 {
-            scope.spawn(move || run_seeds((first..first + seeds).skip(half).step_by(2), false));
+            scope.spawn(move || run_seeds(&place(), (first..first + seeds).skip(half).step_by(2), false));
         }
     });
     eprintln!("{seeds} seeds of {STEPS} steps in {:.0} s", started.elapsed().as_secs_f64());

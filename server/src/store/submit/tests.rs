@@ -14,8 +14,20 @@ use super::super::writer::SLICE as BATCH;
 use super::*;
 use crate::clock::Now;
 use crate::queue::Refusal;
+use crate::store::database::{query_as, query_scalar, raw_sql};
+use crate::store::testing::{Place, on_both_engines};
 use crate::store::{Claim, JobFilter};
 use crate::sweep::{SweepLimits, read};
+
+on_both_engines!(
+    a_sweep_of_many_batches_is_stored_whole_or_not_at_all,
+    sweep_is_neither_listed_nor_claimed_before_its_submission_ends,
+    an_interrupted_submission_leaves_nothing,
+    a_deletion_does_not_touch_a_new_sweep_with_the_same_identifier,
+    a_deleted_sweep_does_not_return,
+    jobs_of_a_hidden_sweep_do_not_change,
+    other_writes_wait_for_at_most_one_submission_slice,
+);
 
 const LIMITS: SweepLimits =
     SweepLimits { max_jobs: 100_000, scenario: Limits { max_subparticles: u64::MAX, max_steps: u64::MAX } };
@@ -34,22 +46,18 @@ fn sweep(id: SweepId, replicates: u32) -> NewSweep {
     NewSweep::new(id, String::new(), document(replicates).to_string(), spec, expansion).unwrap()
 }
 
-async fn open(dir: &tempfile::TempDir) -> Store {
-    Store::open(&dir.path().join("roost.db"), None).await.unwrap()
-}
-
 /// Sweeps, points, jobs, different seeds, and the range of queue positions.
 async fn numbers(store: &Store) -> (i64, i64, i64, i64, i64) {
     let sql = "SELECT (SELECT count(*) FROM sweeps), (SELECT count(*) FROM design_points), count(*),
                count(DISTINCT seed), coalesce(max(queue_position) - min(queue_position), 0) FROM jobs";
-    sqlx::query_as(sql).fetch_one(&store.readers).await.unwrap()
+    query_as(sql).fetch_one(&store.readers).await.unwrap()
 }
 
 /// The rows that sweeps fill.
 async fn rows(store: &Store) -> i64 {
     let sql = "SELECT (SELECT count(*) FROM sweeps) + (SELECT count(*) FROM design_points) + (SELECT count(*) FROM jobs)
                + (SELECT count(*) FROM scenarios) + (SELECT count(*) FROM results) + (SELECT count(*) FROM attempts)";
-    sqlx::query_scalar(sql).fetch_one(&store.readers).await.unwrap()
+    query_scalar(sql).fetch_one(&store.readers).await.unwrap()
 }
 
 async fn register(store: &Store) -> WorkerId {
@@ -84,10 +92,8 @@ async fn claim(store: &Store, worker: WorkerId, max_jobs: u32) -> Vec<JobId> {
     claimed.attempts.iter().map(|attempt| attempt.job_id).collect()
 }
 
-#[tokio::test]
-async fn a_sweep_of_many_batches_is_stored_whole_or_not_at_all() {
-    let dir = tempfile::tempdir().unwrap();
-    let store = open(&dir).await;
+async fn a_sweep_of_many_batches_is_stored_whole_or_not_at_all(place: Place) {
+    let store = place.open().await;
     let broken = sweep(SweepId::new(), 1200);
     let points = read(document(1200), &Meshes::default(), LIMITS).unwrap().1.points;
     let batches = JobBatches::start(broken.head.id, 2400, move |encoder| {
@@ -106,10 +112,8 @@ async fn a_sweep_of_many_batches_is_stored_whole_or_not_at_all() {
     store.close().await;
 }
 
-#[tokio::test]
-async fn sweep_is_neither_listed_nor_claimed_before_its_submission_ends() {
-    let dir = tempfile::tempdir().unwrap();
-    let store = open(&dir).await;
+async fn sweep_is_neither_listed_nor_claimed_before_its_submission_ends(place: Place) {
+    let store = place.open().await;
     let (id, worker) = (SweepId::new(), register(&store).await);
     let listing = async || {
         let (jobs, _) = store.jobs(JobFilter { limit: 9, ..JobFilter::default() }).await.unwrap();
@@ -141,16 +145,13 @@ async fn sweep_is_neither_listed_nor_claimed_before_its_submission_ends() {
     store.insert_sweep(sweep(small, 2), NOW.wall, ()).await.unwrap();
     let claimed = claim(&store, worker, 4).await;
     let sql = "SELECT count(*) FROM jobs WHERE state = 'running' AND sweep_id = ?";
-    let running: i64 =
-        sqlx::query_scalar(sql).bind(small.to_string()).fetch_one(&store.readers).await.unwrap();
+    let running: i64 = query_scalar(sql).bind(small.to_string()).fetch_one(&store.readers).await.unwrap();
     assert_eq!((claimed.len(), running), (4, 2));
     store.close().await;
 }
 
-#[tokio::test]
-async fn an_interrupted_submission_leaves_nothing() {
-    let dir = tempfile::tempdir().unwrap();
-    let store = open(&dir).await;
+async fn an_interrupted_submission_leaves_nothing(place: Place) {
+    let store = place.open().await;
     let id = SweepId::new();
     let mut submission = store.begin_sweep(sweep(id, 3000), NOW.wall).await.unwrap().unwrap();
     for _ in 0..3 {
@@ -159,7 +160,7 @@ async fn an_interrupted_submission_leaves_nothing() {
     assert_eq!(numbers(&store).await.2, 3 * BATCH as i64);
     store.close().await;
 
-    let store = open(&dir).await;
+    let store = place.open().await;
     assert!(store.sweep(id).await.unwrap().is_none());
     assert_eq!(claim(&store, register(&store).await, 1).await, []);
     store.delete_leftovers().await.unwrap();
@@ -177,19 +178,17 @@ async fn an_interrupted_submission_leaves_nothing() {
 async fn write(store: &Store, sql: &'static str) {
     store
         .writer
-        .write(move |tx| Box::pin(async move { Ok(sqlx::raw_sql(sql).execute(tx).await.map(drop)?) }))
+        .write(move |tx| Box::pin(async move { Ok(raw_sql(sql).execute(tx).await.map(drop)?) }))
         .await
         .unwrap();
 }
 
 async fn newest_sweep(store: &Store) -> i64 {
-    sqlx::query_scalar("SELECT max(seq) FROM sweeps").fetch_one(&store.readers).await.unwrap()
+    query_scalar("SELECT max(seq) FROM sweeps").fetch_one(&store.readers).await.unwrap()
 }
 
-#[tokio::test]
-async fn a_deletion_does_not_touch_a_new_sweep_with_the_same_identifier() {
-    let dir = tempfile::tempdir().unwrap();
-    let store = open(&dir).await;
+async fn a_deletion_does_not_touch_a_new_sweep_with_the_same_identifier(place: Place) {
+    let store = place.open().await;
     let id = SweepId::new();
     let mut interrupted = store.begin_sweep(sweep(id, 1200), NOW.wall).await.unwrap().unwrap();
     let before = newest_sweep(&store).await;
@@ -209,10 +208,8 @@ async fn a_deletion_does_not_touch_a_new_sweep_with_the_same_identifier() {
     store.close().await;
 }
 
-#[tokio::test]
-async fn a_deleted_sweep_does_not_return() {
-    let dir = tempfile::tempdir().unwrap();
-    let store = open(&dir).await;
+async fn a_deleted_sweep_does_not_return(place: Place) {
+    let store = place.open().await;
     let mut submission = store.begin_sweep(sweep(SweepId::new(), 600), NOW.wall).await.unwrap().unwrap();
     for _ in 0..1200_usize.div_ceil(BATCH) {
         assert!(store.store_slice(&mut submission, NOW.wall).await.unwrap());
@@ -233,10 +230,8 @@ async fn a_deleted_sweep_does_not_return() {
     store.close().await;
 }
 
-#[tokio::test]
-async fn jobs_of_a_hidden_sweep_do_not_change() {
-    let dir = tempfile::tempdir().unwrap();
-    let store = open(&dir).await;
+async fn jobs_of_a_hidden_sweep_do_not_change(place: Place) {
+    let store = place.open().await;
     let (id, worker) = (SweepId::new(), register(&store).await);
     store.insert_sweep(sweep(id, 2), NOW.wall, ()).await.unwrap();
     store.cancel_sweep(id, NOW.wall).await.unwrap().unwrap();
@@ -255,10 +250,8 @@ async fn jobs_of_a_hidden_sweep_do_not_change() {
     store.close().await;
 }
 
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn other_writes_wait_for_at_most_one_submission_slice() {
-    let dir = tempfile::tempdir().unwrap();
-    let store = Arc::new(open(&dir).await);
+async fn other_writes_wait_for_at_most_one_submission_slice(place: Place) {
+    let store = Arc::new(place.open().await);
     let id = SweepId::new();
     // What holds the writer is counted in commits, since times depend on the machine: a slice that runs, one that
     // was queued before, and the write itself.

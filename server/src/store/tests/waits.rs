@@ -1,16 +1,25 @@
 //! Tests of the queries behind reasons and forecasts.
 
+use std::time::Duration;
+
 use roost_api::job::Needs;
 use roost_api::time::Timestamp;
 
 use super::super::eligible_jobs::fits;
+use super::super::testing::{Place, on_both_engines};
 use super::super::*;
 use super::query_plans::plan;
 use super::store;
+use crate::store::database::{query_scalar, raw_sql};
 
-#[tokio::test]
-async fn group_needs_are_met_by_the_rules_of_claims() {
-    let (store, _dir) = store().await;
+on_both_engines!(
+    group_needs_are_met_by_the_rules_of_claims,
+    count_of_jobs_ahead_in_the_queue_is_bounded,
+    the_cost_of_a_group_is_sampled_from_its_own_jobs,
+);
+
+async fn group_needs_are_met_by_the_rules_of_claims(place: Place) {
+    let store = place.open().await;
     let backends = ["cpu", "gpu"];
     for backend in backends {
         for memory_mib in [None, Some(0), Some(1000), Some(4000)] {
@@ -31,7 +40,7 @@ async fn group_needs_are_met_by_the_rules_of_claims() {
                         " FROM (SELECT ? AS backend, ? AS memory_mib) AS me,
                                (SELECT ? AS needs_backend, ? AS needs_memory_mib) AS j"
                     );
-                    let by_claim: Option<bool> = sqlx::query_scalar(sql)
+                    let by_claim: Option<bool> = query_scalar(sql)
                         .bind(backend)
                         .bind(memory_mib)
                         .bind(&needs.backend)
@@ -86,15 +95,13 @@ async fn queue_jobs(store: &Store) {
         INSERT INTO jobs (id, scenario_digest, seed, priority, queue_position, needs_backend, labels, cache, submitted_at)
         SELECT 'j' || value, CASE WHEN value % 100 = 0 THEN 'gpu' ELSE 'any' END, 1, 0, value,
             CASE WHEN value % 100 = 0 THEN 'gpu' END, '{}', 'use', 0 FROM n;";
-    let write = store
-        .writer
-        .write(move |tx| Box::pin(async move { Ok(sqlx::raw_sql(sql).execute(tx).await.map(drop)?) }));
+    let write =
+        store.writer.write(move |tx| Box::pin(async move { Ok(raw_sql(sql).execute(tx).await.map(drop)?) }));
     write.await.unwrap();
 }
 
-#[tokio::test]
-async fn count_of_jobs_ahead_in_the_queue_is_bounded() {
-    let (store, _dir) = store().await;
+async fn count_of_jobs_ahead_in_the_queue_is_bounded(place: Place) {
+    let store = place.open().await;
     queue_jobs(&store).await;
     let (mut groups, _) = store.queue_groups().await.unwrap();
     groups.sort_by_key(|group| group.jobs);
@@ -118,9 +125,8 @@ async fn count_of_jobs_ahead_in_the_queue_is_bounded() {
     store.close().await;
 }
 
-#[tokio::test]
-async fn the_cost_of_a_group_is_sampled_from_its_own_jobs() {
-    let (store, _dir) = store().await;
+async fn the_cost_of_a_group_is_sampled_from_its_own_jobs(place: Place) {
+    let store = place.open().await;
     queue_jobs(&store).await;
     let (groups, _) = store.queue_groups().await.unwrap();
     assert_eq!(groups.len(), 2);

@@ -2,11 +2,12 @@
 
 use std::time::Duration;
 
-use sqlx::ConnectOptions;
 use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{ConnectOptions, SqliteConnection};
 
 use super::*;
 use crate::store::Unavailable;
+use crate::store::database::{query, query_scalar};
 
 /// A writer whose commits are not flushed.
 fn unflushed(connection: SqliteConnection) -> Writer {
@@ -20,10 +21,10 @@ async fn a_busy_database_is_an_error_and_the_writer_continues() {
     let options = options.busy_timeout(Duration::from_millis(20));
     let mut other = options.connect().await.unwrap();
     let writer = unflushed(options.connect().await.unwrap());
-    sqlx::query("BEGIN IMMEDIATE").execute(&mut other).await.unwrap();
+    query("BEGIN IMMEDIATE").execute(&mut other).await.unwrap();
     let error = writer.write(|_| Box::pin(async { Ok(()) })).await.unwrap_err();
     assert_eq!(error.unavailable(), Some(Unavailable::Busy), "{error:?}");
-    sqlx::query("ROLLBACK").execute(&mut other).await.unwrap();
+    query("ROLLBACK").execute(&mut other).await.unwrap();
     writer.write(|_| Box::pin(async { Ok(()) })).await.unwrap();
     writer.close().await;
 }
@@ -34,14 +35,12 @@ async fn a_full_disk_is_an_error_and_the_writer_continues() {
     let options = SqliteConnectOptions::new().filename(dir.path().join("db")).create_if_missing(true);
     let mut connection = options.connect().await.unwrap();
     let small = "CREATE TABLE t (x); PRAGMA max_page_count = 3";
-    sqlx::raw_sql(small).execute(&mut connection).await.unwrap();
+    raw_sql(small).execute(&mut connection).await.unwrap();
     let writer = unflushed(connection);
     let insert = async |bytes: i64| {
         let sql = "INSERT INTO t VALUES (zeroblob(?))";
         writer
-            .write(move |tx| {
-                Box::pin(async move { Ok(sqlx::query(sql).bind(bytes).execute(tx).await.map(drop)?) })
-            })
+            .write(move |tx| Box::pin(async move { Ok(query(sql).bind(bytes).execute(tx).await.map(drop)?) }))
             .await
     };
     let error = insert(1_000_000).await.unwrap_err();
@@ -53,14 +52,14 @@ async fn a_full_disk_is_an_error_and_the_writer_continues() {
 #[tokio::test]
 async fn a_large_write_has_its_own_transaction_and_fails_alone() {
     let mut connection = SqliteConnectOptions::new().in_memory(true).connect().await.unwrap();
-    sqlx::raw_sql("CREATE TABLE t (x)").execute(&mut connection).await.unwrap();
+    raw_sql("CREATE TABLE t (x)").execute(&mut connection).await.unwrap();
     let writer = unflushed(connection);
     let insert = async |number: i64, is_large: bool, fails: bool| {
         let sql = "INSERT INTO t VALUES (?)";
         writer
             .write_as(is_large, move |tx| {
                 Box::pin(async move {
-                    sqlx::query(sql).bind(number).execute(tx).await?;
+                    query(sql).bind(number).execute(tx).await?;
                     if fails { Err(StoreError::WriterGone) } else { Ok(()) }
                 })
             })
@@ -79,7 +78,7 @@ async fn a_large_write_has_its_own_transaction_and_fails_alone() {
     assert_eq!(writer.commits(), 5, "two writes share a commit");
     let all = "SELECT group_concat(x) FROM t";
     let stored: String = writer
-        .write(move |tx| Box::pin(async move { Ok(sqlx::query_scalar(all).fetch_one(tx).await?) }))
+        .write(move |tx| Box::pin(async move { Ok(query_scalar(all).fetch_one(tx).await?) }))
         .await
         .unwrap();
     assert_eq!(stored, "1,2,3,5,6");

@@ -4,10 +4,10 @@ use bytes::Bytes;
 use roost_api::ids::JobId;
 use roost_api::lease::ClaimedAttempt;
 use roost_api::time::Timestamp;
-use sqlx::Row;
 
 use super::super::fills::{Fill, Fills};
 use super::{BACKENDS, SCENARIOS, World, fill_of};
+use crate::store::database::query;
 
 /// The object of a fill.
 fn bytes_of(fill: usize, backend: &str) -> Bytes {
@@ -85,13 +85,13 @@ impl World<'_> {
     /// Compares the fills of the store with those of the model.
     pub(super) async fn compare_fills(&self) {
         let sql = "SELECT fill_digest, backend, job_id, attempt, object_digest FROM fills";
-        let rows = sqlx::query(sql).fetch_all(&self.store.readers).await.unwrap();
+        let rows = query(sql).fetch_all(&self.store.readers).await.unwrap();
         let stored = rows.iter().map(|row| {
             let digest: String = row.get("fill_digest");
             let which = SCENARIOS.iter().position(|(it, _)| it.fill_digest().as_ref() == Some(&digest));
-            let backend = BACKENDS.into_iter().find(|it| *it == row.get::<String, _>("backend"));
+            let backend = BACKENDS.into_iter().find(|it| *it == row.get::<String>("backend"));
             let job: Option<String> = row.get("job_id");
-            let fill = match (job, row.get::<Option<String>, _>("object_digest")) {
+            let fill = match (job, row.get::<Option<String>>("object_digest")) {
                 (Some(job), None) => Fill::Computing(job.parse().unwrap(), row.get("attempt")),
                 (None, Some(_)) => Fill::Stored,
                 (None, None) => Fill::Withdrawn,

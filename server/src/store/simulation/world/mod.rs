@@ -16,7 +16,6 @@ use roost_api::worker::WorkerRegistration;
 use roost_solver::SOLVER_REVISION;
 use roost_solver::scenario::{self, Scenario};
 use serde_json::json;
-use sqlx::Row;
 use sweeps::SimulatedSubmission;
 use uuid::{Builder, Uuid};
 use workers::SimulatedClaim;
@@ -24,6 +23,7 @@ use workers::SimulatedClaim;
 use super::model::{Job, LEASE_MS, LOST_ATTEMPTS, Model, WORKER_ATTEMPTS};
 use crate::clock::Now;
 use crate::queue::{RetryLimit, RetryPolicy};
+use crate::store::database::{query, raw_sql};
 use crate::store::{NewJob, Store};
 
 /// Scenarios of the jobs: few, so that some results come from the cache. The first three have one fill, the others another.
@@ -94,7 +94,7 @@ impl<'s> World<'s> {
                      DELETE FROM documents; DELETE FROM scenarios";
         store
             .writer
-            .write(move |tx| Box::pin(async move { Ok(sqlx::raw_sql(clear).execute(tx).await.map(drop)?) }))
+            .write(move |tx| Box::pin(async move { Ok(raw_sql(clear).execute(tx).await.map(drop)?) }))
             .await
             .unwrap();
         let mut random = fastrand::Rng::with_seed(seed);
@@ -289,20 +289,23 @@ impl<'s> World<'s> {
                     c.attempt AS by, c.simulated_s, c.backend
                    FROM jobs j LEFT JOIN results r ON r.job_id = j.id LEFT JOIN checkpoints c ON c.job_id = j.id
                    WHERE j.sweep_id IS NULL OR j.sweep_id IN (SELECT id FROM sweeps WHERE state = 'ready')";
-        let rows = sqlx::query(sql).fetch_all(&self.store.readers).await.unwrap();
+        let rows = query(sql).fetch_all(&self.store.readers).await.unwrap();
         assert_eq!(rows.len(), self.model.jobs.len());
         for row in rows {
-            let id: JobId = row.get::<String, _>("id").parse().unwrap();
+            let id: JobId = row.get::<String>("id").parse().unwrap();
             let job = &self.model.jobs[&id];
             let class: Option<String> = row.get("failure_class");
             let stored =
-                (row.get::<String, _>("state"), row.get("attempt"), row.get("cancelling"), row.get("alone"));
+                (row.get::<String>("state"), row.get("attempt"), row.get("cancelling"), row.get("alone"));
             assert_eq!(stored, (job.state.to_string(), job.newest(), job.cancelling, job.alone), "{id}");
-            let stored =
-                row.get::<Option<u32>, _>("by").map(|by| (by, row.get("simulated_s"), row.get("backend")));
-            assert_eq!((row.get::<bool, _>("paused"), stored), (job.paused, job.checkpoint), "{id}");
+            let stored = row
+                .get::<Option<u32>>("by")
+                .map(|by| (by, row.get("simulated_s"), row.get::<String>("backend")));
+            let expected =
+                job.checkpoint.map(|(by, simulated_s, backend)| (by, simulated_s, backend.to_owned()));
+            assert_eq!((row.get::<bool>("paused"), stored), (job.paused, expected), "{id}");
             assert_eq!(class, job.class.map(|class| class.to_string()), "{id}");
-            assert_eq!(row.get::<Option<u32>, _>("result"), job.result, "{id}");
+            assert_eq!(row.get::<Option<u32>>("result"), job.result, "{id}");
         }
         self.compare_fills().await;
     }

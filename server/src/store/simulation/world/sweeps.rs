@@ -6,6 +6,7 @@ use serde_json::Map;
 
 use super::super::model::Job;
 use super::{OWNERS, SCENARIOS, World, fill_of};
+use crate::store::database::{query_as, query_scalar};
 use crate::store::deletion::mark_leftovers;
 use crate::store::submit::{NewSweep, Submission};
 use crate::sweep::Trial;
@@ -36,7 +37,7 @@ impl World<'_> {
         }
         let sql = "SELECT id, point, state FROM jobs WHERE sweep_id = ? ORDER BY point";
         let rows: Vec<(String, i64, String)> =
-            sqlx::query_as(sql).bind(id.to_string()).fetch_all(&self.store.readers).await.unwrap();
+            query_as(sql).bind(id.to_string()).fetch_all(&self.store.readers).await.unwrap();
         assert_eq!(rows.len(), scenarios.len());
         for (job, point, state) in rows {
             // Whatever happened meanwhile: nobody could claim or cancel it.
@@ -72,8 +73,7 @@ impl World<'_> {
         self.store.writer.write(|tx| Box::pin(mark_leftovers(tx))).await.unwrap();
         self.store.delete_leftovers().await.unwrap();
         let sql = "SELECT (SELECT count(*) FROM jobs WHERE sweep_id = ?1) + (SELECT count(*) FROM sweeps WHERE id = ?1)";
-        let left: i64 =
-            sqlx::query_scalar(sql).bind(id.to_string()).fetch_one(&self.store.readers).await.unwrap();
+        let left: i64 = query_scalar(sql).bind(id.to_string()).fetch_one(&self.store.readers).await.unwrap();
         assert_eq!(left, 0, "sweep {id}");
         self.steps.push(format!("sweep {id} is gone"));
     }

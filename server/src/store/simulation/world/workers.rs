@@ -12,6 +12,7 @@ use super::super::model::{Answer, Job, LEASE_MS, Waiting};
 use super::{DEVICE, LEASE, Report, SCENARIOS, Worker, World};
 use crate::queue::{Provenance, Refusal, Verdict};
 use crate::store::claims::Claim;
+use crate::store::database::{query_as, query_scalar};
 use crate::store::{Beat, EncodedResult};
 
 /// A claim.
@@ -136,7 +137,7 @@ impl World<'_> {
     }
 
     async fn claimed_by(&self, worker: WorkerId, request: Uuid) -> bool {
-        sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM attempts WHERE request_id = ? AND worker_id = ?)")
+        query_scalar("SELECT EXISTS (SELECT 1 FROM attempts WHERE request_id = ? AND worker_id = ?)")
             .bind(request.to_string())
             .bind(worker.to_string())
             .fetch_one(&self.store.readers)
@@ -147,7 +148,7 @@ impl World<'_> {
     /// Claimable jobs by position, with their numbers. The model knows none of a sweep that is being submitted.
     async fn queue(&self) -> Vec<(JobId, i64)> {
         let sql = "SELECT id, seq FROM jobs WHERE state = 'queued' AND not_before IS NULL AND paused = 0 ORDER BY queue_position, seq";
-        let rows: Vec<(String, i64)> = sqlx::query_as(sql).fetch_all(&self.store.readers).await.unwrap();
+        let rows: Vec<(String, i64)> = query_as(sql).fetch_all(&self.store.readers).await.unwrap();
         let rows = rows.iter().map(|(id, seq)| (id.parse().unwrap(), *seq));
         rows.filter(|(id, _)| self.model.jobs.contains_key(id)).collect()
     }

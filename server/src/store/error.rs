@@ -1,0 +1,207 @@
+//! Failures of the store, and those that pass.
+
+use std::sync::Arc;
+
+use libsqlite3_sys::{SQLITE_BUSY, SQLITE_FULL};
+use sqlx::postgres::PgDatabaseError;
+
+/// A failure of the store, never the fault of a request.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// A query failed.
+    #[error("database query failed")]
+    Sql(#[from] sqlx::Error),
+    /// A migration failed.
+    #[error("the database could not be migrated to this version")]
+    Migrate(#[from] sqlx::migrate::MigrateError),
+    /// A newer program has opened this database.
+    #[error(
+        "the database was made by a newer roost (schema {found}; this one knows schemas up to {known}): use that version, or restore a backup \
+         from before"
+    )]
+    Newer {
+        /// The newest migration that has run.
+        found: i64,
+        /// The newest migration of this program.
+        known: i64,
+    },
+    /// PostgreSQL did not accept a connection.
+    #[error("cannot connect to {database}")]
+    Connect {
+        /// Its address, without a password.
+        database: String,
+        /// The cause.
+        source: sqlx::Error,
+    },
+    /// Another server uses the database.
+    #[error("another roost server uses {0}: stop it first, or use another database")]
+    OtherServer(String),
+    /// PostgreSQL cannot hold the database of a server.
+    #[error("{database} cannot be used: {reason}")]
+    Unsuitable {
+        /// Its address, without a password.
+        database: String,
+        /// What to do about it.
+        reason: String,
+    },
+    /// A commit failed.
+    #[error("writes were not committed")]
+    Commit(#[source] Arc<sqlx::Error>),
+    /// One failure that several requests share.
+    #[error(transparent)]
+    Shared(Arc<StoreError>),
+    /// An object could not be read or written.
+    #[error("an object could not be read or written")]
+    Object(#[from] object_store::Error),
+    /// The bucket of objects cannot be used.
+    #[error("the bucket {bucket} cannot be used: {message}")]
+    Bucket {
+        /// Its address.
+        bucket: String,
+        /// The reason with its causes.
+        message: String,
+    },
+    /// A folder could not be used.
+    #[error("a folder of the data directory could not be used")]
+    Folder(#[from] std::io::Error),
+    /// The jobs of a sweep were not all stored.
+    #[error("only {queued} of {jobs} jobs of a sweep were stored")]
+    Unfinished {
+        /// Stored jobs.
+        queued: u64,
+        /// All jobs.
+        jobs: u64,
+    },
+    /// Another request deleted a sweep during its submission.
+    #[error("the sweep was deleted before all of its jobs were stored")]
+    Interrupted,
+    /// The writer has stopped.
+    #[error("the database writer has stopped")]
+    WriterGone,
+    /// The SQLite library can corrupt a database.
+    #[error("SQLite {0} can corrupt its write-ahead log; 3.51.3 or newer is needed")]
+    OldSqlite(String),
+    /// A stored value is not valid.
+    #[error("stored {what} cannot be read: {message}")]
+    Corrupt {
+        /// The name of the value.
+        what: &'static str,
+        /// The error.
+        message: String,
+    },
+}
+
+/// The reason why a sound database is unavailable for now.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Unavailable {
+    /// Another process holds its lock.
+    Busy,
+    /// The disk is full.
+    Full,
+    /// PostgreSQL does not answer.
+    Away,
+    /// PostgreSQL takes too long.
+    Slow,
+    /// PostgreSQL refuses writes.
+    ReadOnly,
+}
+
+impl Unavailable {
+    /// What a client and an operator can do about it.
+    pub(crate) fn sentence(self) -> &'static str {
+        match self {
+            Self::Busy => "another program has locked the database: try again later",
+            Self::Full => {
+                "the disk of the server's data directory is full: nothing changed; the operator must free space"
+            }
+            Self::Away => "the server cannot reach PostgreSQL: try again later",
+            Self::Slow => "PostgreSQL took too long: try again later",
+            Self::ReadOnly => {
+                "PostgreSQL accepts no writes now, perhaps as a standby: the operator must make it the primary"
+            }
+        }
+    }
+}
+
+impl StoreError {
+    /// The reason, if the database is sound and only unavailable for now.
+    pub(crate) fn unavailable(&self) -> Option<Unavailable> {
+        let error = match self {
+            Self::Sql(error) => error,
+            Self::Commit(error) => error.as_ref(),
+            Self::Shared(error) => return error.unavailable(),
+            Self::Connect { source, .. } => return Some(while_connecting(source)),
+            Self::OtherServer(_) => return Some(Unavailable::Busy),
+            Self::Object(error) => return is_full(error).then_some(Unavailable::Full),
+            Self::Folder(error) => return is_full(error).then_some(Unavailable::Full),
+            _ => return None,
+        };
+        match error {
+            sqlx::Error::PoolTimedOut => return Some(Unavailable::Slow),
+            sqlx::Error::Io(error) if error.kind() == std::io::ErrorKind::StorageFull => {
+                return Some(Unavailable::Full);
+            }
+            sqlx::Error::Io(_) | sqlx::Error::Tls(_) | sqlx::Error::Protocol(_) => {
+                return Some(Unavailable::Away);
+            }
+            _ => {}
+        }
+        let error = error.as_database_error()?;
+        let code = error.code()?;
+        if error.try_downcast_ref::<PgDatabaseError>().is_some() {
+            return of_postgres(&code);
+        }
+        let code: i32 = code.parse().ok()?;
+        match code & 0xff {
+            SQLITE_BUSY => Some(Unavailable::Busy),
+            SQLITE_FULL => Some(Unavailable::Full),
+            _ => None,
+        }
+    }
+
+    /// Whether the store has been closed.
+    pub(crate) fn is_stopping(&self) -> bool {
+        match self {
+            Self::WriterGone => true,
+            Self::Shared(error) => error.is_stopping(),
+            _ => false,
+        }
+    }
+
+    /// For the log, which prints the causes too.
+    pub(crate) fn as_dyn(&self) -> &(dyn std::error::Error + 'static) {
+        self
+    }
+}
+
+/// Whether a full disk is among the causes.
+fn is_full(error: &(dyn std::error::Error + 'static)) -> bool {
+    let mut causes = std::iter::successors(Some(error), |error| error.source());
+    causes.any(|cause| {
+        cause
+            .downcast_ref::<std::io::Error>()
+            .is_some_and(|error| error.kind() == std::io::ErrorKind::StorageFull)
+    })
+}
+
+/// The reason behind a code of PostgreSQL, if the database is only unavailable for now.
+fn of_postgres(code: &str) -> Option<Unavailable> {
+    match code {
+        "53100" => Some(Unavailable::Full),
+        "25006" => Some(Unavailable::ReadOnly),
+        // A timeout of a statement, of a lock, or of a transaction.
+        "57014" | "55P03" | "25P03" | "25P04" => Some(Unavailable::Slow),
+        // It starts, stops or has crashed, or has no memory or connection left.
+        "57P01" | "57P02" | "57P03" | "57P05" | "53200" | "53300" => Some(Unavailable::Away),
+        code if code.starts_with("08") => Some(Unavailable::Away),
+        _ => None,
+    }
+}
+
+/// Every failure to connect may pass.
+fn while_connecting(source: &sqlx::Error) -> Unavailable {
+    match source.as_database_error().and_then(|error| of_postgres(&error.code()?)) {
+        Some(reason) => reason,
+        None => Unavailable::Away,
+    }
+}

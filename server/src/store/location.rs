@@ -1,0 +1,89 @@
+//! Where a database is, and opening it: a SQLite file, or PostgreSQL.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use sqlx::SqliteConnection;
+
+use super::StoreError;
+use super::database::{Connection, Pool, postgres, sqlite};
+use super::migrations::migrate;
+use super::writer::Line;
+
+/// Where a database is.
+#[derive(Clone, Debug)]
+pub enum Location {
+    /// A SQLite file.
+    File(PathBuf),
+    /// A database of PostgreSQL.
+    Postgres(postgres::Address),
+}
+
+/// The reason why an address is not one of PostgreSQL.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum LocationError {
+    /// It has another form.
+    #[error("give a database as postgres://USER@HOST/DATABASE")]
+    NotPostgres,
+}
+
+/// From `postgres://USER@HOST/DATABASE`.
+impl FromStr for Location {
+    type Err = LocationError;
+
+    fn from_str(text: &str) -> Result<Self, LocationError> {
+        text.parse().map(Self::Postgres)
+    }
+}
+
+/// Without a password.
+impl fmt::Display for Location {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::File(path) => path.display().fmt(f),
+            Self::Postgres(address) => address.fmt(f),
+        }
+    }
+}
+
+/// An open database.
+pub(super) struct Opened {
+    /// The only writing connection.
+    pub(super) writing: Connection,
+    /// Name and version of the database.
+    pub(super) version: String,
+    pub(super) readers: Pool,
+    /// What copies the write-ahead log of SQLite.
+    pub(super) copier: Option<SqliteConnection>,
+    /// The write-ahead log of SQLite, which the server flushes.
+    pub(super) log: Option<PathBuf>,
+    /// How the writing connection is opened again.
+    pub(super) line: Line,
+}
+
+/// Opens and migrates a database for a server.
+pub(super) async fn open(place: &Location) -> Result<Opened, StoreError> {
+    match place {
+        Location::File(path) => open_file(path).await,
+        Location::Postgres(address) => {
+            let (writing, version) = address.connect_writer(None).await?;
+            let mut writing = Connection::from(writing);
+            migrate(&mut writing).await?;
+            let readers = Pool::Postgres(address.readers());
+            let line = Line::postgres(address.clone(), &mut writing).await?;
+            Ok(Opened { writing, version, readers, copier: None, log: None, line })
+        }
+    }
+}
+
+async fn open_file(path: &Path) -> Result<Opened, StoreError> {
+    let (writing, version) = sqlite::connect(sqlite::writer_options(path)).await?;
+    let mut writing = Connection::from(writing);
+    migrate(&mut writing).await?;
+    let readers = Pool::Sqlite(sqlite::readers(path).await?);
+    let (copier, _) = sqlite::connect(sqlite::options(path).create_if_missing(false)).await?;
+    let version = format!("SQLite {version}");
+    let log = path.with_file_name(format!("{}-wal", path.file_name().unwrap_or_default().display()));
+    Ok(Opened { writing, version, readers, copier: Some(copier), log: Some(log), line: Line::file() })
+}

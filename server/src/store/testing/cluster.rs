@@ -1,0 +1,127 @@
+//! A PostgreSQL of its own for tests: Debian's programs, in a temporary folder, reached by a socket there.
+//!
+//! A shell starts it and waits for the end of the test's process, however it ends: the pipe to the shell then closes. The shell stops
+//! PostgreSQL and removes the folder.
+
+use std::io;
+use std::os::unix::fs::{PermissionsExt, chown};
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+/// The user nobody: PostgreSQL refuses to run as root.
+const NOBODY: u32 = 65534;
+
+/// Starts PostgreSQL again whenever it ends, until the input ends.
+const SUPERVISE: &str = r#"
+umask 077
+"$BIN/initdb" -D "$DIR/data" -U roost --auth=trust --encoding=UTF8 --locale=C --no-sync >"$DIR/log" 2>&1 </dev/null || exit 1
+touch "$DIR/run"
+while [ -e "$DIR/run" ]; do
+    "$BIN/postgres" -D "$DIR/data" -k "$DIR" -c listen_addresses= -c max_connections=200 $SETTINGS >>"$DIR/log" 2>&1 </dev/null &
+    echo $! >"$DIR/pid"
+    wait $!
+    sleep 0.1
+done &
+cat >/dev/null
+rm -f "$DIR/run"
+kill -INT "$(cat "$DIR/pid")" 2>/dev/null
+wait
+rm -rf "$DIR"
+"#;
+
+/// A running PostgreSQL.
+pub(in crate::store) struct Cluster {
+    folder: PathBuf,
+    programs: PathBuf,
+    shell: Mutex<(Child, Option<ChildStdin>)>,
+}
+
+impl Cluster {
+    /// Starts one below a folder. `settings` are options of `postgres`.
+    pub(in crate::store) fn start(below: &Path, settings: &str) -> Self {
+        let programs = programs();
+        let folder = tempfile::Builder::new().prefix("roost-postgres-").tempdir_in(below).unwrap().keep();
+        let is_root =
+            std::fs::metadata("/proc/self").is_ok_and(|it| std::os::unix::fs::MetadataExt::uid(&it) == 0);
+        let mut command = match is_root {
+            true => {
+                chown(&folder, Some(NOBODY), Some(NOBODY)).unwrap();
+                // A test that runs as root reaches the socket in it.
+                std::fs::set_permissions(&folder, std::fs::Permissions::from_mode(0o700)).unwrap();
+                let mut command = Command::new("setpriv");
+                let (user, group) = (format!("--reuid={NOBODY}"), format!("--regid={NOBODY}"));
+                command.args([&user, &group, "--clear-groups", "sh"]);
+                command
+            }
+            false => Command::new("sh"),
+        };
+        let mut shell = command
+            .args(["-c", SUPERVISE])
+            .current_dir("/")
+            .envs([("BIN", programs.as_path()), ("DIR", &folder)])
+            .env("SETTINGS", settings)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            // An interrupt of the tests does not interrupt the cleaning.
+            .process_group(0)
+            .spawn()
+            .expect("sh and setpriv start");
+        let input = shell.stdin.take();
+        let cluster = Self { folder, programs, shell: Mutex::new((shell, input)) };
+        cluster.wait();
+        cluster
+    }
+
+    /// Waits until it accepts connections.
+    pub(in crate::store) fn wait(&self) {
+        let started = Instant::now();
+        while !self.run("pg_isready", &["-q"]).is_ok_and(|done| done) {
+            let log = || std::fs::read_to_string(self.folder.join("log")).unwrap_or_default();
+            assert!(started.elapsed() < Duration::from_secs(60), "PostgreSQL does not start:\n{}", log());
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// Creates an empty database, and returns its address.
+    pub(in crate::store) fn create(&self, name: &str) -> String {
+        assert!(self.run("createdb", &["-U", "roost", name]).unwrap(), "the database {name} is not created");
+        format!("postgres://roost@localhost/{name}?host={}", self.folder.display())
+    }
+
+    /// Kills it like a crash, and returns when it runs again.
+    pub(in crate::store) fn kill(&self) {
+        let number = std::fs::read_to_string(self.folder.join("pid")).unwrap();
+        let killed = Command::new("kill").args(["-9", number.trim()]).status().unwrap();
+        assert!(killed.success());
+        std::thread::sleep(Duration::from_millis(200));
+        self.wait();
+    }
+
+    fn run(&self, program: &str, arguments: &[&str]) -> io::Result<bool> {
+        let mut command = Command::new(self.programs.join(program));
+        command.arg("-h").arg(&self.folder).args(arguments).stdin(Stdio::null());
+        Ok(command.stdout(Stdio::null()).status()?.success())
+    }
+}
+
+/// One that does not live until the end of the process ends here.
+impl Drop for Cluster {
+    fn drop(&mut self) {
+        if let Ok(mut shell) = self.shell.lock() {
+            shell.1 = None;
+            let _ = shell.0.wait();
+        }
+    }
+}
+
+/// The folder with the programs of the newest installed version.
+fn programs() -> PathBuf {
+    let versions = std::fs::read_dir("/usr/lib/postgresql").into_iter().flatten().flatten();
+    let version = |folder: &PathBuf| folder.file_name().and_then(|name| name.to_str()?.parse::<u32>().ok());
+    let newest = versions.map(|entry| entry.path()).max_by_key(version);
+    newest.expect("these tests need Debian's package postgresql: `make test` installs it").join("bin")
+}

@@ -1,0 +1,190 @@
+//! Tests of PostgreSQL: the schema, refusals at the start, and connections that break.
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use super::super::database::postgres::Address;
+use super::super::database::{AssertSqlSafe, Connection, Row, query, query_scalar};
+use super::super::migrations::migrator;
+use super::super::testing::{Cluster, Place};
+use super::super::*;
+
+/// Tables that only one engine has.
+const OWN_TABLES: [&str; 3] = ["_sqlx_migrations", "row_numbers", "sqlite_sequence"];
+
+fn address(place: &Place) -> Address {
+    match &place.location {
+        Location::Postgres(address) => address.clone(),
+        Location::File(path) => panic!("{} is a file", path.display()),
+    }
+}
+
+/// Each column as `table column type null`, in order, and the names of the indexes.
+async fn schema(store: &Store) -> (Vec<String>, BTreeSet<String>) {
+    let (columns, indexes) = match store.readers.engine() {
+        Engine::Sqlite => (
+            "SELECT m.name AS relation, c.name, c.type, c.\"notnull\" = 0 AND c.pk = 0 AS nullable
+             FROM sqlite_master m JOIN pragma_table_info(m.name) c WHERE m.type = 'table' ORDER BY m.name, c.cid",
+            "SELECT name FROM sqlite_master WHERE type = 'index' AND sql IS NOT NULL",
+        ),
+        Engine::Postgres => (
+            "SELECT CAST(table_name AS TEXT) AS relation, CAST(column_name AS TEXT) AS name, CAST(data_type AS TEXT) AS type,
+                    is_nullable = 'YES' AS nullable
+             FROM information_schema.columns WHERE table_schema = 'public' ORDER BY table_name COLLATE \"C\", ordinal_position",
+            "SELECT CAST(i.indexname AS TEXT) FROM pg_indexes i LEFT JOIN pg_constraint c ON c.conname = i.indexname
+             WHERE i.schemaname = 'public' AND c.oid IS NULL",
+        ),
+    };
+    let word = |row: &Row| {
+        let kind = match row.get::<String>("type").as_str() {
+            "INTEGER" | "bigint" => "integer",
+            "REAL" | "double precision" => "real",
+            "TEXT" | "text" => "text",
+            "BLOB" | "bytea" => "blob",
+            other => return format!("unknown type {other}"),
+        };
+        let (table, name) = (row.get::<String>("relation"), row.get::<String>("name"));
+        format!("{table} {name} {kind} {}", row.get::<bool>("nullable"))
+    };
+    let own = |row: &Row| OWN_TABLES.contains(&row.get::<String>("relation").as_str());
+    let rows = query(columns).fetch_all(&store.readers).await.unwrap();
+    let indexes: Vec<String> = query_scalar(indexes).fetch_all(&store.readers).await.unwrap();
+    (rows.iter().filter(|row| !own(row)).map(word).collect(), indexes.into_iter().collect())
+}
+
+#[tokio::test]
+async fn both_engines_have_the_same_tables_columns_and_indexes() {
+    let (sqlite, postgres) = (Place::sqlite(), Place::postgres());
+    let (sqlite, postgres) = (sqlite.open().await, postgres.open().await);
+    let (mut expected, mut found) = (schema(&sqlite).await, schema(&postgres).await);
+    expected.0.sort();
+    found.0.sort();
+    assert!(expected.0.len() > 100 && expected.1.len() > 30, "{expected:?}");
+    assert_eq!(found, expected);
+    for store in [sqlite, postgres] {
+        store.close().await;
+    }
+}
+
+async fn count(store: &Store) -> Result<i64, StoreError> {
+    let sql = "INSERT INTO fair_share (priority, owner, queue_position, round) VALUES (1, 0, 1, 0)
+               ON CONFLICT (priority, owner) DO UPDATE SET round = fair_share.round + 1 RETURNING round";
+    store.writer.write(move |tx| Box::pin(async move { Ok(query_scalar(sql).fetch_one(tx).await?) })).await
+}
+
+/// Fails as a write.
+async fn fail(store: &Store, sql: &'static str) -> StoreError {
+    let write = store.writer.write(move |tx| Box::pin(async move { Ok(raw_sql(sql).execute(tx).await?) }));
+    write.await.expect_err("it fails")
+}
+
+#[tokio::test]
+async fn a_write_that_fails_in_postgresql_says_why_and_the_next_one_succeeds() {
+    let place = Place::postgres();
+    let store = place.open().await;
+    for (sql, reason) in [
+        ("SET LOCAL statement_timeout = 10; SELECT pg_sleep(5)", Some(Unavailable::Slow)),
+        ("SET LOCAL transaction_read_only = on; DELETE FROM frames", Some(Unavailable::ReadOnly)),
+        ("SELECT pg_terminate_backend(pg_backend_pid())", Some(Unavailable::Away)),
+        ("SELECT nothing", None),
+    ] {
+        let before = count(&store).await.unwrap();
+        let error = fail(&store, sql).await;
+        assert_eq!(error.unavailable(), reason, "{sql}: {error:?}");
+        assert_eq!(count(&store).await.unwrap(), before + 1, "{sql}");
+        store.ping().await.unwrap();
+    }
+    store.close().await;
+}
+
+#[tokio::test]
+async fn a_session_that_ends_between_writes_is_replaced() {
+    let place = Place::postgres();
+    let store = place.open().await;
+    let before = count(&store).await.unwrap();
+    let mut other = Connection::from(address(&place).connect().await.unwrap().0);
+    let end = "SELECT count(pg_terminate_backend(pid)) FROM pg_stat_activity
+               WHERE datname = current_database() AND pid <> pg_backend_pid()";
+    assert!(query_scalar::<i64>(end).fetch_one(&mut other).await.unwrap() >= 1);
+    assert_eq!(count(&store).await.unwrap(), before + 1);
+    store.tokens().await.expect("readers connect again too");
+    other.close().await.unwrap();
+    store.close().await;
+}
+
+#[tokio::test]
+async fn acknowledged_writes_survive_crashes_of_postgresql() {
+    let cluster = Cluster::start(&std::env::temp_dir(), "");
+    let location: Location = cluster.create("crashes").parse().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open(&location, folder.path(), None).await.unwrap();
+    let mut acknowledged = count(&store).await.unwrap();
+    for crash in 0..3 {
+        cluster.kill();
+        let mut failures = 0;
+        let next = loop {
+            match count(&store).await {
+                Ok(next) => break next,
+                Err(error) => {
+                    assert_eq!(error.unavailable(), Some(Unavailable::Away), "{error:?}");
+                    failures += 1;
+                    assert!(failures < 200, "crash {crash}: {error}");
+                    tokio::time::sleep(Duration::from_millis(50)).await;
+                }
+            }
+        };
+        assert_eq!(next, acknowledged + 1, "crash {crash}: nothing is lost, and nothing is done twice");
+        acknowledged = next;
+    }
+    store.close().await;
+}
+
+#[tokio::test]
+async fn an_unusable_postgresql_is_refused_at_the_start() {
+    let open = async |location: &Location| {
+        let folder = tempfile::tempdir().unwrap();
+        Store::open(location, folder.path(), None).await.err().expect("refused")
+    };
+    let nowhere: Location = "postgres://me:secret@localhost/roost?host=/nowhere".parse().unwrap();
+    let error = open(&nowhere).await;
+    assert_eq!(error.unavailable(), Some(Unavailable::Away));
+    assert!(!format!("{error} {error:?} {nowhere} {nowhere:?}").contains("secret"), "{error:?}");
+
+    let place = Place::postgres();
+    let store = place.open().await;
+    let second = open(&place.location).await;
+    assert!(matches!(second, StoreError::OtherServer(_)), "{second:?}");
+    let newer = "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
+                 VALUES (9999, 'from the future', true, '', 0)";
+    let write = store.writer.write(move |tx| Box::pin(async move { Ok(raw_sql(newer).execute(tx).await?) }));
+    write.await.unwrap();
+    store.close().await;
+    let error = open(&place.location).await;
+    assert!(matches!(error, StoreError::Newer { found: 9999, .. }), "{error:?}");
+    let error = TokenFile::open(&place.location, true).await.err().expect("refused");
+    assert!(matches!(error, StoreError::Newer { found: 9999, .. }), "{error:?}");
+
+    let place = Place::postgres();
+    let mut owner = Connection::from(address(&place).connect().await.unwrap().0);
+    for (change, reason) in [
+        ("ALTER DATABASE test SET default_transaction_read_only = on", "accepts no writes"),
+        ("CREATE DATABASE test_latin ENCODING 'SQL_ASCII' TEMPLATE template0", "its encoding is SQL_ASCII"),
+    ] {
+        let name: String =
+            query_scalar("SELECT current_database()::text").fetch_one(&mut owner).await.unwrap();
+        let sql = AssertSqlSafe(change.replace("DATABASE test ", &format!("DATABASE {name} ")));
+        raw_sql(sql).execute(&mut owner).await.unwrap();
+        let location = match change.contains("test_latin") {
+            true => place.address().replace(&name, "test_latin").parse().unwrap(),
+            false => place.location.clone(),
+        };
+        let error = open(&location).await;
+        assert!(error.to_string().contains(reason), "{error}");
+    }
+}
+
+#[test]
+fn migrations_of_postgresql_have_numbers_without_gaps() {
+    let numbers: Vec<i64> = migrator(Engine::Postgres).iter().map(|migration| migration.version).collect();
+    assert_eq!(numbers, (1..=numbers.len() as i64).collect::<Vec<_>>());
+}

@@ -1,0 +1,111 @@
+//! The connection of the writer. One to PostgreSQL can break: the next write opens another.
+
+use std::time::Duration;
+
+use backon::{BackoffBuilder, ExponentialBuilder};
+use tokio::time::Instant;
+
+use crate::store::StoreError;
+use crate::store::database::{Connection, Engine, postgres, query_scalar};
+
+/// How a broken connection is replaced.
+pub(in crate::store) struct Line {
+    /// None of a file, whose connections do not break.
+    server: Option<Server>,
+}
+
+struct Server {
+    address: postgres::Address,
+    /// The session of the newest connection.
+    session: i32,
+    /// Pauses between attempts, and the end of the present one.
+    pauses: <ExponentialBuilder as BackoffBuilder>::Backoff,
+    not_before: Instant,
+}
+
+/// Pauses between attempts: each write that comes in one is refused at once.
+fn pauses() -> <ExponentialBuilder as BackoffBuilder>::Backoff {
+    ExponentialBuilder::default()
+        .with_min_delay(Duration::from_millis(50))
+        .with_max_delay(Duration::from_secs(2))
+        .without_max_times()
+        .with_jitter()
+        .build()
+}
+
+impl Line {
+    /// Of a SQLite file.
+    pub(in crate::store) fn file() -> Self {
+        Self { server: None }
+    }
+
+    /// Of PostgreSQL, with the first connection to it.
+    pub(in crate::store) async fn postgres(
+        address: postgres::Address,
+        connection: &mut Connection,
+    ) -> Result<Self, StoreError> {
+        let session = session(connection).await?;
+        Ok(Self { server: Some(Server { address, session, pauses: pauses(), not_before: Instant::now() }) })
+    }
+
+    /// Opens a connection in place of a broken one. The earlier session has ended then, and with it the transaction whose outcome nobody
+    /// was told.
+    pub(super) async fn open(&mut self) -> Result<Connection, StoreError> {
+        let Some(server) = &mut self.server else { return Err(StoreError::WriterGone) };
+        if Instant::now() < server.not_before {
+            return Err(server.away());
+        }
+        let opened = server.open().await;
+        match &opened {
+            Ok(_) => server.pauses = pauses(),
+            Err(_) => server.not_before = Instant::now() + server.pauses.next().unwrap_or_default(),
+        }
+        opened
+    }
+}
+
+impl Server {
+    async fn open(&mut self) -> Result<Connection, StoreError> {
+        let (connection, _) = self.address.connect_writer(Some(self.session)).await?;
+        let mut connection = Connection::from(connection);
+        self.session = session(&mut connection).await?;
+        tracing::info!(database = %self.address, "connected to PostgreSQL again");
+        Ok(connection)
+    }
+
+    fn away(&self) -> StoreError {
+        let source = sqlx::Error::Io(std::io::ErrorKind::NotConnected.into());
+        StoreError::Connect { database: self.address.to_string(), source }
+    }
+}
+
+async fn session(connection: &mut Connection) -> Result<i32, StoreError> {
+    Ok(query_scalar("SELECT pg_backend_pid()").fetch_one(connection).await?)
+}
+
+/// The statements around writes.
+#[derive(Clone, Copy)]
+pub(super) struct Phrases {
+    /// Begins the transaction of a large write.
+    pub(super) begin: &'static str,
+    /// Begins a group: several statements per call, since each call into SQLite's thread, or to a server, costs as much as a small
+    /// statement.
+    pub(super) begin_group: &'static str,
+    /// Maximum number of writes per commit. It bounds the time that the first of them waits.
+    pub(super) group: usize,
+}
+
+impl Phrases {
+    pub(super) fn of(connection: &Connection) -> Self {
+        match connection.engine() {
+            Engine::Sqlite => {
+                let begin_group = "BEGIN IMMEDIATE; SAVEPOINT piece";
+                Self { begin: "BEGIN IMMEDIATE", begin_group, group: 128 }
+            }
+            // With more than 64 savepoints, every reader would look them up on disk.
+            Engine::Postgres => {
+                Self { begin: postgres::BEGIN, begin_group: postgres::BEGIN_GROUP, group: 60 }
+            }
+        }
+    }
+}
