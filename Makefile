@@ -9,6 +9,10 @@ NEEDS += lavapipe:mesa-vulkan-drivers
 endif
 # The browser that tests of the dashboard look through.
 test: NEEDS += chromium:chromium
+# PostgreSQL, of which the tests start one of their own; its programs are not on the path.
+ifeq ($(wildcard /usr/lib/postgresql/*/bin/postgres),)
+test: NEEDS += postgres:postgresql
+endif
 # Drivers complain without.
 export XDG_RUNTIME_DIR ?= /tmp
 

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use roost_server::DataError;
+use roost_server::{DataError, Location};
 use roost_terminal::{BadInput, Exit, message, print_json, print_line};
 use serde_json::json;
 
@@ -32,12 +32,30 @@ struct Common {
     /// Data folder of the server
     #[arg(long, default_value = "roost-data", value_name = "DIR")]
     data: PathBuf,
+    /// Database of a server that uses PostgreSQL: its backups are made by pg_dump
+    #[arg(
+        long,
+        env = "ROOST_DATABASE",
+        hide_env_values = true,
+        value_name = "postgres://USER@HOST/DATABASE"
+    )]
+    database: Option<Location>,
     /// Print JSON
     #[arg(long)]
     json: bool,
 }
 
+impl Common {
+    /// PostgreSQL has programs of its own for this.
+    fn refuse_postgres(&self) -> Result<()> {
+        let Some(database) = &self.database else { return Ok(()) };
+        let advice = "back it up with `pg_dump --format=custom`, restore it with `pg_restore`, and copy the folder of objects afterwards";
+        Err(BadInput(format!("{database} is a database of PostgreSQL: {advice}")).into())
+    }
+}
+
 pub(crate) async fn backup(args: Backup) -> Result<Exit> {
+    args.common.refuse_postgres()?;
     let copied = roost_server::backup(&args.common.data, &args.folder).await;
     print_copied(&copied.map_err(with_advice)?, args.common.json)
 }
@@ -53,6 +71,7 @@ pub(crate) fn with_advice(error: DataError) -> anyhow::Error {
 }
 
 pub(crate) async fn restore(args: Restore) -> Result<Exit> {
+    args.common.refuse_postgres()?;
     print_copied(&roost_server::restore(&args.folder, &args.common.data).await?, args.common.json)
 }
 

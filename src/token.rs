@@ -6,6 +6,7 @@ use anyhow::{Result, bail};
 use clap::Subcommand;
 use roost_api::time::Timestamp;
 use roost_api::token::{Scope, TokenView};
+use roost_server::Location;
 use roost_terminal::{Exit, Table, message, print_json, print_line, print_lines};
 use serde_json::json;
 
@@ -20,6 +21,15 @@ pub(crate) struct Args {
     /// Data folder of the server
     #[arg(long, global = true, default_value = "roost-data", value_name = "DIR")]
     data: PathBuf,
+    /// Database of a server that uses PostgreSQL
+    #[arg(
+        long,
+        global = true,
+        env = "ROOST_DATABASE",
+        hide_env_values = true,
+        value_name = "postgres://USER@HOST/DATABASE"
+    )]
+    database: Option<Location>,
     /// Print JSON
     #[arg(long, global = true)]
     json: bool,
@@ -49,8 +59,11 @@ enum Action {
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let is_first = matches!(args.action, Action::Create { .. });
-    let is_new = is_first && !args.data.exists();
-    let mut tokens = roost_server::tokens_in(&args.data, is_first).await.map_err(copies::with_advice)?;
+    let is_new = is_first && args.database.is_none() && !args.data.exists();
+    let mut tokens = match &args.database {
+        Some(database) => roost_server::tokens_at(database).await?,
+        None => roost_server::tokens_in(&args.data, is_first).await.map_err(copies::with_advice)?,
+    };
     match args.action {
         Action::Create { scopes, name } => {
             let was_open = tokens.list().await?.is_empty();

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use roost_api::job::JobState;
 use serde_json::{Value, json};
 
+use crate::cluster::Cluster;
 use crate::support::flaky::{Flaky, Passed};
 use crate::support::{self, Process, Sandbox, hopper_scenario};
 
@@ -32,6 +33,8 @@ struct Farm<'h> {
     /// Stopped processes, and the time of their continuation.
     frozen: Vec<(usize, Instant)>,
     submitted: BTreeSet<String>,
+    /// A PostgreSQL that crashes too, and the address of the server's database in it.
+    postgres: Option<(Cluster, String)>,
 }
 
 /// Name of a process.
@@ -41,22 +44,26 @@ fn name(index: usize) -> String {
 
 impl Farm<'_> {
     fn start(&mut self, index: usize) {
+        // Without a limit of attempts, only a result ends a job.
+        let mut options = vec!["--worker-attempts", "0", "--lost-attempts", "0", "--lease-s", "1"];
+        if let Some((_, database)) = &self.postgres {
+            options.extend(["--database", database]);
+        }
         let process = match index {
-            // Without a limit of attempts, only a result ends a job.
-            0 => self.sandbox.start_server_with(&[
-                "--worker-attempts",
-                "0",
-                "--lost-attempts",
-                "0",
-                "--lease-s",
-                "1",
-            ]),
+            0 => self.sandbox.start_server_with(&options),
             worker => self.sandbox.start_worker_at(&self.network.address, &name(worker), "1"),
         };
         self.processes[index] = Some(process);
     }
 
     fn kill(&mut self) {
+        // A stopped server holds its connection: PostgreSQL is killed only where the server notices.
+        if let Some((postgres, _)) = &self.postgres
+            && !self.is_frozen(0)
+            && self.random.u32(0..4) == 0
+        {
+            return postgres.kill();
+        }
         // Most stopped processes continue, and report stale attempts.
         let index = self.random.usize(0..self.processes.len());
         if self.is_frozen(index) && self.random.u32(0..5) != 0 {
@@ -126,6 +133,18 @@ impl Farm<'_> {
 
 #[test]
 fn random_kills_lose_no_job_and_record_no_result_twice() {
+    disturb(None);
+}
+
+#[test]
+fn random_kills_of_postgresql_too_lose_no_job_and_record_no_result_twice() {
+    // On a disk, with flushes: what is acknowledged must survive.
+    let postgres = Cluster::start(&std::env::temp_dir(), "");
+    let database = postgres.create("roost");
+    disturb(Some((postgres, database)));
+}
+
+fn disturb(postgres: Option<(Cluster, String)>) {
     let (kills, seed) = (from_environment("ROOST_KILLS", KILLS), from_environment("ROOST_SEED", 1));
     let (sandbox, has_clocks) =
         Sandbox::with_clocks().map_or_else(|| (Sandbox::new(), false), |sandbox| (sandbox, true));
@@ -140,6 +159,7 @@ fn random_kills_lose_no_job_and_record_no_result_twice() {
         processes: (0..=WORKERS).map(|_| None).collect(),
         frozen: Vec::new(),
         submitted: BTreeSet::new(),
+        postgres,
     };
     (0..=WORKERS).for_each(|index| farm.start(index));
     let started = Instant::now();

@@ -2,6 +2,8 @@
 //! twice, no stale write accepted.
 
 mod clock;
+#[path = "../../server/src/store/testing/cluster.rs"]
+mod cluster;
 mod disk;
 mod kills;
 #[path = "../support/mod.rs"]

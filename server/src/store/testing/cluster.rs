@@ -33,7 +33,7 @@ rm -rf "$DIR"
 "#;
 
 /// A running PostgreSQL.
-pub(in crate::store) struct Cluster {
+pub(crate) struct Cluster {
     folder: PathBuf,
     programs: PathBuf,
     shell: Mutex<(Child, Option<ChildStdin>)>,
@@ -41,7 +41,7 @@ pub(in crate::store) struct Cluster {
 
 impl Cluster {
     /// Starts one below a folder. `settings` are options of `postgres`.
-    pub(in crate::store) fn start(below: &Path, settings: &str) -> Self {
+    pub(crate) fn start(below: &Path, settings: &str) -> Self {
         let programs = programs();
         let folder = tempfile::Builder::new().prefix("roost-postgres-").tempdir_in(below).unwrap().keep();
         let is_root =
@@ -77,7 +77,7 @@ impl Cluster {
     }
 
     /// Waits until it accepts connections.
-    pub(in crate::store) fn wait(&self) {
+    pub(crate) fn wait(&self) {
         let started = Instant::now();
         while !self.run("pg_isready", &["-q"]).is_ok_and(|done| done) {
             let log = || std::fs::read_to_string(self.folder.join("log")).unwrap_or_default();
@@ -87,13 +87,13 @@ impl Cluster {
     }
 
     /// Creates an empty database, and returns its address.
-    pub(in crate::store) fn create(&self, name: &str) -> String {
+    pub(crate) fn create(&self, name: &str) -> String {
         assert!(self.run("createdb", &["-U", "roost", name]).unwrap(), "the database {name} is not created");
         format!("postgres://roost@localhost/{name}?host={}", self.folder.display())
     }
 
     /// Kills it like a crash, and returns when it runs again.
-    pub(in crate::store) fn kill(&self) {
+    pub(crate) fn kill(&self) {
         let number = std::fs::read_to_string(self.folder.join("pid")).unwrap();
         let killed = Command::new("kill").args(["-9", number.trim()]).status().unwrap();
         assert!(killed.success());
@@ -114,6 +114,8 @@ impl Drop for Cluster {
         if let Ok(mut shell) = self.shell.lock() {
             shell.1 = None;
             let _ = shell.0.wait();
+            // Nobody could not remove the folder itself.
+            let _ = std::fs::remove_dir_all(&self.folder);
         }
     }
 }
