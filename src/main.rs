@@ -5,6 +5,7 @@ mod checkpoints;
 mod compare;
 mod completions;
 mod copies;
+mod copy;
 mod delete;
 mod demo;
 mod device;
@@ -97,6 +98,7 @@ enum Command {
     Token(token::Args),
     Backup(copies::Backup),
     Restore(copies::Restore),
+    Copy(copy::Args),
     Completions(completions::Args),
     #[command(hide = true)]
     Openapi(openapi::Args),
@@ -116,7 +118,15 @@ impl Command {
 
     /// Whether the command writes to the data folder of a server.
     fn writes_data_folder(&self) -> bool {
-        matches!(self, Self::Up(_) | Self::Serve(_) | Self::Token(_) | Self::Backup(_) | Self::Restore(_))
+        matches!(
+            self,
+            Self::Up(_)
+                | Self::Serve(_)
+                | Self::Token(_)
+                | Self::Backup(_)
+                | Self::Restore(_)
+                | Self::Copy(_)
+        )
     }
 
     /// Service name in traces; none for commands that are not traced.
@@ -155,6 +165,7 @@ impl Command {
             Self::Prune(args) => prune::execute(args).await,
             Self::Backup(args) => copies::backup(args).await,
             Self::Restore(args) => copies::restore(args).await,
+            Self::Copy(args) => copy::execute(args).await,
             Self::Completions(args) => completions::execute(&args, Cli::command()),
             Self::Openapi(args) => openapi::execute(&args),
             Self::Token(args) => token::execute(args).await,

@@ -4,7 +4,7 @@ use std::fs::{File, OpenOptions};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::store::{BackupReport, Location, OBJECTS, StoreError, TokenFile, copy};
+use crate::store::{BackupReport, CopiedTable, Location, OBJECTS, StoreError, TokenFile, copy, transfer};
 
 /// The database in a data directory, and in a backup.
 pub(crate) const DATABASE: &str = "roost.db";
@@ -111,6 +111,33 @@ pub async fn tokens_in(data: &Path, create: bool) -> Result<TokenFile, DataError
 /// Opens the access tokens in a database of PostgreSQL, with or without a running server.
 pub async fn tokens_at(place: &Location) -> Result<TokenFile, DataError> {
     Ok(TokenFile::open(place, true).await?)
+}
+
+/// Copies the database of a stopped server to another place, which has none. A place is a data directory or a database of PostgreSQL. The
+/// objects stay where they are.
+pub async fn copy_database(from: &Location, to: &Location) -> Result<Vec<CopiedTable>, DataError> {
+    let folder = |place: &Location| match place {
+        Location::File(path) => path.parent().map(Path::to_owned),
+        Location::Postgres(_) => None,
+    };
+    let (source, target) = (folder(from), folder(to));
+    if let Some(folder) = &source
+        && !folder.join(DATABASE).exists()
+    {
+        return Err(DataError::Nothing(folder.clone()));
+    }
+    if let Some(folder) = &target
+        && folder.join(DATABASE).exists()
+    {
+        return Err(DataError::Occupied(folder.clone()));
+    }
+    let _locks = (source.as_deref().map(lock).transpose()?, target.as_deref().map(lock).transpose()?);
+    Ok(transfer(from, to).await?)
+}
+
+/// The database of a data directory.
+pub fn database_in(data: &Path) -> Location {
+    Location::File(data.join(DATABASE))
 }
 
 /// Copies a data directory to another folder as of one moment, with or without a running server.

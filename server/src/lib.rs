@@ -37,13 +37,15 @@ mod validation;
 mod workbook;
 
 pub use config::ServerConfig;
-pub use data::{DataError, backup, restore, tokens_at, tokens_in};
+pub use data::{DataError, backup, copy_database, database_in, restore, tokens_at, tokens_in};
 pub use forecast::on_this_machine;
 pub use http::openapi;
 pub use measurements::{Lab, Target, TestTargets, read as read_measurements};
 pub use queue::{RetryLimit, RetryPolicy};
 pub use roost_solver::Limits;
 pub use server::{Server, ServerError};
-pub use store::{BackupReport, Bucket, BucketError, Location, LocationError, StoreError, TokenFile};
+pub use store::{
+    BackupReport, Bucket, BucketError, CopiedTable, Location, LocationError, StoreError, TokenFile,
+};
 pub use sweep::posterior_columns;
 pub use validation::{is_measurements, is_study, is_sweep, validate};

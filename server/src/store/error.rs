@@ -44,6 +44,12 @@ pub enum StoreError {
         /// What to do about it.
         reason: String,
     },
+    /// A copy would mix two databases.
+    #[error("{0} already has rows: copy into an empty database")]
+    NotEmpty(String),
+    /// A copy is not equal to its source.
+    #[error("the copy of the table {0} differs from its source")]
+    Differs(&'static str),
     /// A commit failed.
     #[error("writes were not committed")]
     Commit(#[source] Arc<sqlx::Error>),

@@ -7,7 +7,7 @@ use std::str::FromStr;
 use sqlx::SqliteConnection;
 
 use super::StoreError;
-use super::database::{Connection, Pool, postgres, sqlite};
+use super::database::{Connection, Engine, Pool, postgres, raw_sql, sqlite};
 use super::migrations::migrate;
 use super::writer::Line;
 
@@ -86,4 +86,20 @@ async fn open_file(path: &Path) -> Result<Opened, StoreError> {
     let version = format!("SQLite {version}");
     let log = path.with_file_name(format!("{}-wal", path.file_name().unwrap_or_default().display()));
     Ok(Opened { writing, version, readers, copier: Some(copier), log: Some(log), line: Line::file() })
+}
+
+/// Opens and migrates a database that no server uses. Of a file, the caller knows.
+pub(super) async fn open_alone(place: &Location, create: bool) -> Result<Connection, StoreError> {
+    let mut connection: Connection = match place {
+        Location::File(path) => {
+            sqlite::connect(sqlite::writer_options(path).create_if_missing(create)).await?.0.into()
+        }
+        Location::Postgres(address) => address.connect_writer(None).await?.0.into(),
+    };
+    migrate(&mut connection).await?;
+    if connection.engine() == Engine::Postgres {
+        // A table is read and written as a whole.
+        raw_sql("SET statement_timeout = 0").execute(&mut connection).await?;
+    }
+    Ok(connection)
 }

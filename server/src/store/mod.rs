@@ -47,6 +47,7 @@ mod testing;
 #[cfg(test)]
 mod tests;
 mod tokens;
+mod transfer;
 mod transitions;
 mod trials;
 #[cfg(test)]
@@ -87,6 +88,8 @@ pub(crate) use submit::{NewJob, NewSweep};
 pub(crate) use tells::Conflict;
 pub(crate) use tokens::Token;
 pub use tokens::TokenFile;
+pub use transfer::CopiedTable;
+pub(crate) use transfer::transfer;
 pub(crate) use trials::{MAX_DOCUMENTS, TrialDocument, TrialPlace};
 pub(crate) use versions::{QueueCounts, Subject};
 pub(crate) use waiting::{CountedJobs, QueueGroup, QueuePlace, by_owner};

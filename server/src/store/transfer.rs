@@ -214,3 +214,6 @@ async fn sum(connection: &mut Connection, table: &'static str) -> Result<CopiedT
     }
     Ok(CopiedTable { table, rows: number, checksum: format!("{sum:032x}") })
 }
+
+#[cfg(test)]
+mod tests;

@@ -17,4 +17,4 @@ pub(in crate::store) use connection::{Connection, Engine, Pool};
 pub(in crate::store) use query::{query, query_as, query_scalar, raw_sql};
 pub(in crate::store) use row::Row;
 pub(in crate::store) use sqlx::AssertSqlSafe;
-pub(in crate::store) use value::FromValue;
+pub(in crate::store) use value::{FromValue, Value};

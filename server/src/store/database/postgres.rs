@@ -42,7 +42,7 @@ pub(in crate::store) const BEGIN_GROUP: &str =
 
 /// The address of a database. It shows no password.
 #[derive(Clone)]
-pub struct Address(PgConnectOptions);
+pub struct Address(Box<PgConnectOptions>);
 
 impl FromStr for Address {
     type Err = LocationError;
@@ -54,7 +54,7 @@ impl FromStr for Address {
         let options: PgConnectOptions = text.parse().map_err(|_| LocationError::NotPostgres)?;
         // The environment may name another one.
         let name = options.get_application_name().unwrap_or("roost").to_owned();
-        Ok(Self(options.application_name(&name)))
+        Ok(Self(Box::new(options.application_name(&name))))
     }
 }
 
@@ -109,7 +109,7 @@ impl Address {
     /// A connection without the lock of a server, and the version of PostgreSQL.
     pub(in crate::store) async fn connect(&self) -> Result<(PgConnection, String), StoreError> {
         let limits = [("statement_timeout", "60s"), ("lock_timeout", "10s")];
-        let connecting = timeout(PATIENCE, self.0.clone().options(limits).connect()).await;
+        let connecting = timeout(PATIENCE, (*self.0).clone().options(limits).connect()).await;
         let waited = |_| sqlx::Error::Io(std::io::ErrorKind::TimedOut.into());
         let fail = |source| StoreError::Connect { database: self.to_string(), source };
         let mut connection = connecting.map_err(waited).and_then(|done| done).map_err(fail)?;
@@ -134,7 +134,7 @@ impl Address {
         PgPoolOptions::new()
             .max_connections(READERS)
             .acquire_timeout(PATIENCE)
-            .connect_lazy_with(self.0.clone().options(limits))
+            .connect_lazy_with((*self.0).clone().options(limits))
     }
 
     fn unsuitable(&self, reason: &str) -> StoreError {

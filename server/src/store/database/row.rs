@@ -3,7 +3,7 @@
 use sqlx::error::BoxDynError;
 use sqlx::postgres::{PgRow, PgValueRef};
 use sqlx::sqlite::{SqliteRow, SqliteValueRef};
-use sqlx::{Decode, Error, Row as _, TypeInfo, ValueRef};
+use sqlx::{Column, Decode, Error, Row as _, TypeInfo, ValueRef};
 
 use super::value::{FromValue, Value, read};
 
@@ -39,6 +39,14 @@ impl Row {
             Self::Postgres(row) => postgres(row.try_get_raw(place)?),
         };
         value.map_err(|source| Error::ColumnDecode { index: place.to_string(), source })
+    }
+
+    /// Names of the columns.
+    pub(in crate::store) fn names(&self) -> Vec<String> {
+        match self {
+            Self::Sqlite(row) => row.columns().iter().map(|column| column.name().to_owned()).collect(),
+            Self::Postgres(row) => row.columns().iter().map(|column| column.name().to_owned()).collect(),
+        }
     }
 
     /// A column in a test.

@@ -30,7 +30,7 @@ fn from_environment(name: &str) -> Option<u64> {
 }
 
 /// Runs one seed. Prints its steps if asked, or if it fails.
-async fn run_seed(store: &Store, seed: u64, is_verbose: bool) {
+pub(super) async fn run_seed(store: &Store, seed: u64, is_verbose: bool) {
     let mut world = World::new(store, seed).await;
     let outcome = AssertUnwindSafe(world.run(STEPS)).catch_unwind().await;
     if is_verbose || outcome.is_err() {

@@ -1,0 +1,53 @@
+//! `roost copy`: move the database of a server between SQLite and PostgreSQL.
+
+use std::path::Path;
+
+use anyhow::Result;
+use roost_server::{Location, copy_database, database_in};
+use roost_terminal::{Exit, Table, message, print_json, print_lines};
+use serde_json::json;
+
+use crate::copies;
+
+/// Copy the database of a stopped server to PostgreSQL, or back
+///
+/// A place is a data folder or the address of a PostgreSQL database. The target must be empty. Every table is compared after the copy. Objects
+/// (frames, checkpoints and filled states) stay where they are.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Data folder or database to read
+    #[arg(long, value_name = "DIR|postgres://USER@HOST/DATABASE", value_parser = place)]
+    from: Location,
+    /// Data folder or database to write
+    #[arg(long, value_name = "DIR|postgres://USER@HOST/DATABASE", value_parser = place)]
+    to: Location,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+fn place(text: &str) -> Result<Location, String> {
+    if text.contains("://") {
+        return text.parse().map_err(|error: roost_server::LocationError| error.to_string());
+    }
+    Ok(database_in(Path::new(text)))
+}
+
+pub(crate) async fn execute(args: Args) -> Result<Exit> {
+    let copied = copy_database(&args.from, &args.to).await.map_err(copies::with_advice)?;
+    if args.json {
+        let tables: Vec<_> = copied
+            .iter()
+            .map(|copied| json!({"table": copied.table, "rows": copied.rows, "checksum": copied.checksum}))
+            .collect();
+        print_json(&json!(tables))?;
+    } else {
+        let mut table = Table::new(["table", "rows", "checksum"]);
+        for copied in &copied {
+            table.row([copied.table.to_owned(), copied.rows.to_string(), copied.checksum.clone()]);
+        }
+        print_lines(format_args!("{table}"))?;
+    }
+    message!("copied; the objects are still in the folder or bucket that they were in");
+    Ok(Exit::Done)
+}
