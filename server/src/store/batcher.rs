@@ -46,7 +46,7 @@ impl<A: Send + Sync + 'static, B: Send + 'static> Batcher<A, B> {
                 if batch.len() < max_size && !interval.is_zero() {
                     tokio::time::sleep_until(earliest).await;
                 }
-                // The clients of the last batch were just answered, and are about to send their next requests.
+                // The clients of an earlier batch were just answered, and are about to send their next requests.
                 let linger = tokio::time::sleep(MAX_LINGER);
                 tokio::pin!(linger);
                 while batch.len() < last_size.min(max_size) {

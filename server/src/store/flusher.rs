@@ -39,7 +39,7 @@ pub(super) struct Flusher {
 
 impl Flusher {
     /// Flushes the log at `path`, which must exist. `seconds` gets the durations from the last statement of a commit to the end of its
-    /// flush. A failed flush cancels `ended`.
+    /// flush. The end of the thread, such as after a failed flush, cancels `ended`.
     pub(super) fn start(path: &Path, seconds: Histogram, ended: CancellationToken) -> io::Result<Self> {
         // Windows flushes only files that are open for writing.
         let log = OpenOptions::new().write(true).open(path)?;
@@ -52,7 +52,7 @@ impl Flusher {
         ended: CancellationToken,
     ) -> Self {
         let (queue, waiting) = mpsc::unbounded_channel();
-        let thread = tokio::task::spawn_blocking(move || run(flush, waiting, &seconds, &ended));
+        let thread = tokio::task::spawn_blocking(move || run(flush, waiting, &seconds, ended));
         Self { queue, thread }
     }
 
@@ -72,8 +72,10 @@ fn run(
     mut flush: impl FnMut() -> io::Result<()>,
     mut waiting: mpsc::UnboundedReceiver<Committed>,
     seconds: &Histogram,
-    ended: &CancellationToken,
+    ended: CancellationToken,
 ) {
+    // Cancelled however the thread ends, a panic included.
+    let _ended = ended.drop_guard();
     let mut group = Vec::new();
     while waiting.blocking_recv_many(&mut group, MAX_COMMITS) > 0 {
         let flushed = flush().map_err(|error| Arc::new(sqlx::Error::Io(error)));
@@ -83,7 +85,6 @@ fn run(
         }
         if let Err(error) = flushed {
             tracing::error!(%error, "the write-ahead log could not be flushed; the server ends");
-            ended.cancel();
             waiting.close();
             while let Ok(committed) = waiting.try_recv() {
                 (committed.answer)(Err(error.clone()));

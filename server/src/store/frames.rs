@@ -140,6 +140,10 @@ impl Store {
         for some in objects.chunks(BATCH) {
             let unreferenced: Vec<String> =
                 query_scalar(UNREFERENCED).bind(to_json("objects", &some)?).fetch_all(&self.readers).await?;
+            if !unreferenced.is_empty() {
+                // A reader sees a commit before its flush. After a power failure, a row could name an object that is gone.
+                self.writer.flushed().await?;
+            }
             for object in unreferenced {
                 // Checked again under the lock: a row may have named it meanwhile.
                 let _lock = self.objects.lock_removal().await;

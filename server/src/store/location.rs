@@ -78,13 +78,13 @@ pub(super) async fn open(place: &Location) -> Result<Opened, StoreError> {
 }
 
 async fn open_file(path: &Path) -> Result<Opened, StoreError> {
-    let (writing, version) = sqlite::connect(sqlite::writer_options(path)).await?;
+    let (mut writing, version) = sqlite::connect(sqlite::writer_options(path)).await?;
+    let log = sqlite::settle_log(&mut writing).await?;
     let mut writing = Connection::from(writing);
     migrate(&mut writing).await?;
     let readers = Pool::Sqlite(sqlite::readers(path).await?);
     let (copier, _) = sqlite::connect(sqlite::options(path).create_if_missing(false)).await?;
     let version = format!("SQLite {version}");
-    let log = path.with_file_name(format!("{}-wal", path.file_name().unwrap_or_default().display()));
     Ok(Opened { writing, version, readers, copier: Some(copier), log: Some(log), line: Line::file() })
 }
 
@@ -92,7 +92,7 @@ async fn open_file(path: &Path) -> Result<Opened, StoreError> {
 pub(super) async fn open_alone(place: &Location, create: bool) -> Result<Connection, StoreError> {
     let mut connection: Connection = match place {
         Location::File(path) => {
-            sqlite::connect(sqlite::writer_options(path).create_if_missing(create)).await?.0.into()
+            sqlite::connect(sqlite::options(path).create_if_missing(create)).await?.0.into()
         }
         Location::Postgres(address) => address.connect_writer(None).await?.0.into(),
     };

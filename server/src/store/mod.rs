@@ -148,7 +148,7 @@ impl Store {
         self.writer.commit_seconds()
     }
 
-    /// Returns when the writer has ended, which happens only after a close or a panic.
+    /// Returns when the writer has ended: after a close, a panic, or a failed flush.
     pub(crate) async fn ended(&self) {
         self.writer.ended().await;
     }

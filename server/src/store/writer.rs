@@ -177,6 +177,11 @@ impl Writer {
         self.write_as(false, work).await
     }
 
+    /// Returns when all commits that readers can see now are on disk.
+    pub(super) async fn flushed(&self) -> Result<(), StoreError> {
+        self.write(|_| Box::pin(async { Ok(()) })).await
+    }
+
     /// The same, in its own transaction when it is large.
     pub(super) async fn write_as<T, F>(&self, is_large: bool, work: F) -> Result<T, StoreError>
     where

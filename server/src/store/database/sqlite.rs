@@ -1,6 +1,6 @@
 //! Opening SQLite files.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use sqlx::sqlite::{
@@ -22,8 +22,7 @@ pub(in crate::store) fn options(path: &Path) -> SqliteConnectOptions {
         .filename(path)
         .create_if_missing(true)
         .journal_mode(SqliteJournalMode::Wal)
-        // The flusher flushes the log, after the commit.
-        .synchronous(SqliteSynchronous::Normal)
+        .synchronous(SqliteSynchronous::Full)
         .foreign_keys(true)
         // Savepoints copy pages to memory, not to a file.
         .pragma("temp_store", "memory")
@@ -31,9 +30,19 @@ pub(in crate::store) fn options(path: &Path) -> SqliteConnectOptions {
         .busy_timeout(Duration::from_secs(5))
 }
 
-/// How the writer of a server opens a file.
+/// How the writer of a server opens a file. Its flusher flushes the log, after the commit.
 pub(in crate::store) fn writer_options(path: &Path) -> SqliteConnectOptions {
-    options(path).pragma("cache_size", WRITER_CACHE_KIB)
+    options(path).pragma("cache_size", WRITER_CACHE_KIB).synchronous(SqliteSynchronous::Normal)
+}
+
+/// Copies the whole log into the database, and returns the path of the log. After a power failure or a failed flush, the system may
+/// have parts of the log in memory alone, and would never write them to the disk.
+pub(in crate::store) async fn settle_log(connection: &mut SqliteConnection) -> Result<PathBuf, StoreError> {
+    sqlx::query("PRAGMA wal_checkpoint(TRUNCATE)").execute(&mut *connection).await?;
+    // SQLite follows links: the log is beside the file itself.
+    let sql = "SELECT file FROM pragma_database_list WHERE name = 'main'";
+    let file: String = sqlx::query_scalar(sql).fetch_one(connection).await?;
+    Ok(PathBuf::from(file + "-wal"))
 }
 
 /// The readers of a file.

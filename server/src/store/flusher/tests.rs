@@ -98,3 +98,16 @@ async fn a_failed_flush_is_an_error_and_ends_the_writer() {
     insert(&writer, 2).await.unwrap_err();
     writer.close().await;
 }
+
+#[cfg(unix)]
+#[tokio::test]
+async fn the_log_of_a_linked_database_is_flushed() {
+    let dir = tempfile::tempdir().unwrap();
+    let (real, link) = (dir.path().join("disk.db"), dir.path().join("roost.db"));
+    std::os::unix::fs::symlink(&real, &link).unwrap();
+    let mut connection = connect(&link).await;
+    let log = super::super::database::sqlite::settle_log(&mut connection).await.unwrap();
+    assert_eq!(log.file_name().unwrap(), "disk.db-wal");
+    sqlx::raw_sql("CREATE TABLE t (x)").execute(&mut connection).await.unwrap();
+    assert!(std::fs::metadata(&log).unwrap().len() > 0);
+}
