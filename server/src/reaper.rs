@@ -152,7 +152,12 @@ async fn prune(app: &App, age: Duration) {
     }
 }
 
-async fn tick(app: &App) -> Result<(), StoreError> {
+/// Checks leases, deadlines and pauses once.
+pub(crate) async fn tick(app: &App) -> Result<(), StoreError> {
+    let until = app.clock.lease_now().plus_ms(ms(app.config.lease));
+    if let Some(running) = app.store.renew_after_outage(until).await? {
+        tracing::warn!(running, "PostgreSQL did not answer for a while: leases are renewed");
+    }
     let passed = app.store.expire(app.config.retry, app.clock.both()).await?;
     for (place, (job, change)) in passed.changes.iter().enumerate() {
         tracing::warn!(%job, ?change, "an attempt timed out or lost its lease");

@@ -1,14 +1,16 @@
-//! Expiry of leases, deadlines and pauses, and new leases after a restart.
+//! Expiry of leases, deadlines and pauses, and new leases after a restart or an outage of PostgreSQL.
 
 use std::collections::HashSet;
+use std::time::Instant;
 
 use roost_api::ids::JobId;
 use roost_api::job::AttemptOutcome;
 use roost_api::time::Timestamp;
 
 use super::columns::{Columns, to_json};
-use super::database::{AssertSqlSafe, Connection, Row, query, query_scalar};
+use super::database::{AssertSqlSafe, Connection, Engine, Row, query, query_scalar};
 use super::transitions::{AttemptEnd, JOB_COLUMNS, end_attempts, job_snapshot};
+use super::writer::STALL;
 use super::{Store, StoreError};
 use crate::clock::Now;
 use crate::queue::{JobChange, RetryPolicy, on_deadline, on_lease_expired};
@@ -25,7 +27,8 @@ pub(crate) struct Expired {
 }
 
 impl Store {
-    /// Ends expired leases and pauses, and attempts past their deadline.
+    /// Ends expired leases and pauses, and attempts past their deadline. After an outage nothing ends until leases are renewed, since no
+    /// heartbeat could be stored.
     pub(crate) async fn expire(&self, policy: RetryPolicy, now: Now) -> Result<Expired, StoreError> {
         // Usually nothing has expired: a reader finds out without the writer.
         let any: bool = query_scalar(
@@ -39,9 +42,17 @@ impl Store {
         if !any {
             return Ok(Expired::default());
         }
+        let (outages, asked) = (self.writer.outages(), Instant::now());
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
+                    // The heartbeats waited too.
+                    if tx.engine() == Engine::Postgres && asked.elapsed() > STALL {
+                        outages.note();
+                    }
+                    if outages.unmended().is_some() {
+                        return Ok(Expired::default());
+                    }
                     let mut changes = expire_leases(tx, policy, now).await?;
                     let lost = changes.len();
                     changes.extend(end_overdue(tx, now).await?);
@@ -53,6 +64,23 @@ impl Store {
                 })
             })
             .await
+    }
+
+    /// After an outage of PostgreSQL, renews the lease of every running attempt until `until`, and delays earlier deadlines to then.
+    /// Returns the number of running attempts.
+    pub(crate) async fn renew_after_outage(&self, until: Timestamp) -> Result<Option<u64>, StoreError> {
+        let outages = self.writer.outages();
+        let Some(noted) = outages.unmended() else { return Ok(None) };
+        let renewed = self.writer.write(move |tx| {
+            Box::pin(async move {
+                let sql = "UPDATE jobs SET lease_expires_at = ?1, deadline = CASE WHEN deadline < ?1 THEN ?1 ELSE deadline END
+                           WHERE state = 'running'";
+                Ok(query(sql).bind(until.0).execute(tx).await?.rows_affected())
+            })
+        });
+        let renewed = renewed.await?;
+        outages.mend(noted);
+        Ok(Some(renewed))
     }
 
     /// The running jobs of a list.

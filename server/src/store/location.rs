@@ -67,11 +67,12 @@ pub(super) async fn open(place: &Location) -> Result<Opened, StoreError> {
     match place {
         Location::File(path) => open_file(path).await,
         Location::Postgres(address) => {
-            let (writing, version) = address.connect_writer(None).await?;
+            let mut sessions = Vec::new();
+            let (writing, version) = address.connect_writer(&mut sessions).await?;
             let mut writing = Connection::from(writing);
             migrate(&mut writing).await?;
             let readers = Pool::Postgres(address.readers());
-            let line = Line::postgres(address.clone(), &mut writing).await?;
+            let line = Line::postgres(address.clone(), sessions);
             Ok(Opened { writing, version, readers, copier: None, log: None, line })
         }
     }
@@ -94,7 +95,7 @@ pub(super) async fn open_alone(place: &Location, create: bool) -> Result<Connect
         Location::File(path) => {
             sqlite::connect(sqlite::options(path).create_if_missing(create)).await?.0.into()
         }
-        Location::Postgres(address) => address.connect_writer(None).await?.0.into(),
+        Location::Postgres(address) => address.connect_writer(&mut Vec::new()).await?.0.into(),
     };
     migrate(&mut connection).await?;
     if connection.engine() == Engine::Postgres {

@@ -8,7 +8,8 @@
 //! A slice of a large sweep, or a large extension, has its own transaction without a savepoint: for a savepoint, SQLite copies every page
 //! before its first change, and each job changes a page.
 //!
-//! A connection to PostgreSQL can break. All writes of its group are then refused, and the next write opens another connection.
+//! A connection to PostgreSQL can break, or stop answering. All writes of its group are then refused, and the next write opens another
+//! connection.
 
 use std::future::Future;
 use std::io;
@@ -16,18 +17,20 @@ use std::path::Path;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use prometheus_client::metrics::histogram::Histogram;
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
+use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
 
 pub(super) use line::Line;
-use line::Phrases;
+use group::{Failure, Shared, begin, execute_group, execute_large, roll_back};
+pub(super) use outages::{Outages, STALL};
 
 use super::StoreError;
-use super::database::{Connection, Engine, raw_sql};
+use super::database::{Connection, Engine, postgres};
 use super::flusher::{Answer, Flusher};
 
 /// Jobs that one transaction of a large sweep changes. A claim or heartbeat waits for two such transactions at most: one that runs, and one
@@ -44,8 +47,8 @@ trait Write: Send {
     /// Whether it has its own transaction.
     fn is_large(&self) -> bool;
 
-    /// Executes it. The caller commits and answers.
-    fn run<'t>(self: Box<Self>, connection: &'t mut Connection) -> Run<'t>;
+    /// Executes it, within a limit if one is given. The caller commits and answers.
+    fn run<'t>(self: Box<Self>, connection: &'t mut Connection, limit: Option<Duration>) -> Run<'t>;
 
     /// Answers with an error before the start.
     fn refuse(self: Box<Self>, error: StoreError);
@@ -66,16 +69,21 @@ where
         self.is_large
     }
 
-    fn run<'t>(self: Box<Self>, connection: &'t mut Connection) -> Run<'t> {
+    fn run<'t>(self: Box<Self>, connection: &'t mut Connection, limit: Option<Duration>) -> Run<'t> {
         Box::pin(async move {
             let Self { work, sender, .. } = *self;
-            let outcome = work(connection).await;
+            let done = match limit {
+                Some(limit) => timeout(limit, work(connection)).await.ok(),
+                None => Some(work(connection).await),
+            };
+            let is_late = done.is_none();
+            let outcome = done.unwrap_or_else(|| Err(sqlx::Error::Io(io::ErrorKind::TimedOut.into()).into()));
             let keep = outcome.is_ok();
             let reply = Box::new(move |committed: Result<(), StoreError>| {
                 // Its own error is more specific than that of the group. The caller may have gone.
                 let _ = sender.send(outcome.and_then(|value| committed.map(|()| value)));
             });
-            Finished { keep, reply }
+            Finished { keep, is_late, reply }
         })
     }
 
@@ -87,6 +95,8 @@ where
 /// An executed write before the commit.
 struct Finished {
     keep: bool,
+    /// Whether it missed its limit. Its connection must not be used again.
+    is_late: bool,
     reply: Box<dyn FnOnce(Result<(), StoreError>) + Send>,
 }
 
@@ -98,6 +108,7 @@ pub(super) struct Writer {
     task: tokio::sync::Mutex<Option<JoinHandle<()>>>,
     ended: CancellationToken,
     commits: Arc<AtomicU64>,
+    outages: Arc<Outages>,
     commit_seconds: Histogram,
 }
 
@@ -131,16 +142,16 @@ impl Writer {
         let ended = CancellationToken::new();
         // Cancelled however the task ends, a panic included.
         let guard = ended.clone().drop_guard();
-        let commits = Arc::new(AtomicU64::new(0));
-        let counted = commits.clone();
+        let shared = Shared::default();
+        let (commits, outages) = (shared.commits.clone(), shared.outages.clone());
         let commit_seconds = Histogram::new(COMMIT_SECONDS);
         let seconds = commit_seconds.clone();
         let flusher = flusher(commit_seconds.clone(), ended.clone())?;
         let task = tokio::spawn(async move {
             let _guard = guard;
-            run(opened, waiting, &counted, (flusher, seconds)).await;
+            run(opened, waiting, &shared, (flusher, seconds)).await;
         });
-        Ok(Self { queue, task: tokio::sync::Mutex::new(Some(task)), ended, commits, commit_seconds })
+        Ok(Self { queue, task: tokio::sync::Mutex::new(Some(task)), ended, commits, outages, commit_seconds })
     }
 
     /// Number of commits that readers can see.
@@ -151,6 +162,11 @@ impl Writer {
     /// The counter of commits.
     pub(super) fn counter(&self) -> Arc<AtomicU64> {
         self.commits.clone()
+    }
+
+    /// Times in which no heartbeat could be stored.
+    pub(super) fn outages(&self) -> Arc<Outages> {
+        self.outages.clone()
     }
 
     /// Durations of commits: from the last statement of a transaction to the end of its flush to disk.
@@ -235,58 +251,24 @@ impl Next {
     }
 }
 
-/// Begins the transaction of a write. A broken connection is replaced.
-async fn begin(
-    connection: &mut Option<Connection>,
-    line: &mut Line,
-    is_large: bool,
-    commits: &AtomicU64,
-) -> Result<(), StoreError> {
-    loop {
-        let is_new = connection.is_none();
-        let mut open = match connection.take() {
-            Some(open) => open,
-            None => {
-                let open = line.open().await?;
-                // The last transaction before it may have been committed.
-                commits.fetch_add(1, Ordering::Release);
-                open
-            }
-        };
-        let phrases = Phrases::of(&open);
-        let sql = if is_large { phrases.begin } else { phrases.begin_group };
-        let begun = raw_sql(sql).execute(&mut open).await;
-        if begun.is_ok() || roll_back(&mut open).await {
-            *connection = Some(open);
-        } else if !is_new {
-            // It broke while nobody wrote.
-            continue;
-        }
-        return begun.map_err(|error| StoreError::Commit(Arc::new(error)));
-    }
-}
-
-/// Ends a failed transaction. Returns whether the connection can be used again.
-async fn roll_back(connection: &mut Connection) -> bool {
-    // Fails in SQLite if there is nothing to roll back, which does no harm.
-    let done = raw_sql("ROLLBACK").execute(&mut *connection).await;
-    done.is_ok() || connection.engine() == Engine::Sqlite
-}
-
 async fn run(
     (connection, mut line): (Connection, Line),
     mut waiting: mpsc::Receiver<Message>,
-    commits: &AtomicU64,
+    shared: &Shared,
     (flusher, seconds): (Option<Flusher>, Histogram),
 ) {
     let mut next = Next::default();
     let mut open = Some(connection);
     while let Some(first) = next.first(&mut waiting).await {
-        let begun = begin(&mut open, &mut line, first.is_large(), commits).await;
+        let began = Instant::now();
+        let begun = begin(&mut open, &mut line, first.is_large(), shared).await;
         let connection = match (begun, &mut open) {
             (Ok(()), Some(connection)) => connection,
             (begun, _) => {
                 let error = begun.err().unwrap_or(StoreError::WriterGone);
+                if line.can_break() {
+                    shared.outages.note();
+                }
                 tracing::error!(error = error.as_dyn(), "a transaction could not begin");
                 first.refuse(error);
                 continue;
@@ -299,7 +281,10 @@ async fn run(
             execute_group(connection, first, &mut waiting, &mut finished, &mut next).await
         };
         // Before the answers: a client that reads after its answer must not get an older version.
-        commits.fetch_add(1, Ordering::Release);
+        shared.commits.fetch_add(1, Ordering::Release);
+        if line.can_break() && (committed.is_err() || began.elapsed() > STALL) {
+            shared.outages.note();
+        }
         let pieces = finished.len();
         let answer: Answer = Box::new(move |committed| {
             for piece in finished {
@@ -317,9 +302,9 @@ async fn run(
                 seconds.observe(started.elapsed().as_secs_f64());
                 answer(Ok(()));
             }
-            (Err(error), _) => {
+            (Err(Failure { error, is_late }), _) => {
                 tracing::error!(%error, pieces, "writes were not committed");
-                if !roll_back(connection).await {
+                if is_late || !roll_back(connection).await {
                     open = None;
                 }
                 answer(Err(error));
@@ -329,64 +314,18 @@ async fn run(
     if let Some(flusher) = flusher {
         flusher.close().await;
     }
-    if let Some(connection) = open
-        && let Err(error) = connection.close().await
-    {
+    let Some(connection) = open else { return };
+    let closed = match connection.engine() {
+        Engine::Sqlite => connection.close().await,
+        Engine::Postgres => timeout(postgres::BEGIN_DEADLINE, connection.close()).await.unwrap_or(Ok(())),
+    };
+    if let Err(error) = closed {
         tracing::warn!(%error, "the database did not close cleanly");
     }
 }
 
-/// Executes a large write, and commits. Returns the start of the commit.
-async fn execute_large(
-    connection: &mut Connection,
-    piece: Box<dyn Write>,
-    finished: &mut Vec<Finished>,
-) -> Result<Instant, Arc<sqlx::Error>> {
-    let done = piece.run(&mut *connection).await;
-    let end = if done.keep { "COMMIT" } else { "ROLLBACK" };
-    finished.push(done);
-    let started = Instant::now();
-    raw_sql(end).execute(connection).await.map(|_| started).map_err(Arc::new)
-}
-
-/// Executes the first write and those that queue up meanwhile, and commits. Returns the start of the commit.
-async fn execute_group(
-    connection: &mut Connection,
-    first: Box<dyn Write>,
-    waiting: &mut mpsc::Receiver<Message>,
-    finished: &mut Vec<Finished>,
-    next: &mut Next,
-) -> Result<Instant, Arc<sqlx::Error>> {
-    let mut piece = first;
-    let group = Phrases::of(connection).group;
-    loop {
-        let done = piece.run(&mut *connection).await;
-        let keep = done.keep;
-        // Stored before anything else can fail: it is answered in any case.
-        finished.push(done);
-        let more = if finished.len() < group { next.more(waiting) } else { None };
-        let sql = match (keep, &more) {
-            (true, Some(_)) => "RELEASE piece; SAVEPOINT piece",
-            (false, Some(_)) => "ROLLBACK TO piece",
-            (true, None) => "RELEASE piece; COMMIT",
-            (false, None) => "ROLLBACK TO piece; RELEASE piece; COMMIT",
-        };
-        let started = Instant::now();
-        let outcome = raw_sql(sql).execute(&mut *connection).await;
-        match (outcome, more) {
-            (Ok(_), Some(more)) => piece = more,
-            (Ok(_), None) => return Ok(started),
-            (Err(error), more) => {
-                let error = Arc::new(error);
-                if let Some(more) = more {
-                    more.refuse(StoreError::Commit(error.clone()));
-                }
-                return Err(error);
-            }
-        }
-    }
-}
-
+mod group;
 mod line;
+mod outages;
 #[cfg(test)]
 mod tests;

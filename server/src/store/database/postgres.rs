@@ -19,8 +19,22 @@ const OLDEST: u32 = 140_000;
 /// Readers of a server.
 const READERS: u32 = 8;
 
-/// Maximum time of a connection attempt, and of a wait for a reader.
+/// Maximum time of a connection attempt, of the steps that make it the writer, and of a wait for a reader.
 const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Limits of a statement and of a wait for a lock, which PostgreSQL keeps.
+const WRITER_LIMITS: [(&str, &str); 2] = [("statement_timeout", "60s"), ("lock_timeout", "10s")];
+
+/// PostgreSQL ends the session of a server that it cannot reach, after a minute.
+const KEEPALIVES: [(&str, &str); 3] =
+    [("tcp_keepalives_idle", "30"), ("tcp_keepalives_interval", "10"), ("tcp_keepalives_count", "3")];
+
+/// Maximum time to begin or roll back a transaction: more than the wait for its lock.
+pub(in crate::store) const BEGIN_DEADLINE: Duration = Duration::from_secs(12);
+
+/// Maximum time of a write or a commit: more than a statement may take. Tests wait for it.
+pub(in crate::store) const STATEMENT_DEADLINE: Duration =
+    Duration::from_secs(if cfg!(test) { 10 } else { 65 });
 
 /// Attempts, 100 ms apart, to get the lock that a server which was just killed may still hold.
 const LOCK_ATTEMPTS: u32 = 30;
@@ -28,17 +42,18 @@ const LOCK_ATTEMPTS: u32 = 30;
 /// Takes the lock of the server for as long as the session lives.
 pub(super) const LOCK_SERVER: &str = "SELECT pg_try_advisory_lock(8246779703540740722)";
 
-/// Ends the session of an earlier connection of this server, which still holds the lock.
+/// Ends the session of an earlier connection of this server, if it still holds the lock.
 const END_EARLIER: &str = "SELECT count(pg_terminate_backend(pid)) FROM pg_locks
-    WHERE locktype = 'advisory' AND pid = $1 AND classid::bigint << 32 | objid::bigint = 8246779703540740722
+    WHERE locktype = 'advisory' AND pid = ANY($1) AND classid::bigint << 32 | objid::bigint = 8246779703540740722
       AND database = (SELECT oid FROM pg_database WHERE datname = current_database())";
 
-/// Begins a transaction of a writer, and waits for those of other servers.
-pub(in crate::store) const BEGIN: &str = "BEGIN; SELECT pg_advisory_xact_lock(8246779703540740723)";
+/// Begins a transaction of a writer, and waits for those of other servers. Each later statement must see what they committed, whatever
+/// isolation the database has by default.
+pub(in crate::store) const BEGIN: &str =
+    "BEGIN ISOLATION LEVEL READ COMMITTED; SELECT pg_advisory_xact_lock(8246779703540740723)";
 
 /// The same, with the savepoint of its first write.
-pub(in crate::store) const BEGIN_GROUP: &str =
-    "BEGIN; SELECT pg_advisory_xact_lock(8246779703540740723); SAVEPOINT piece";
+pub(in crate::store) const BEGIN_GROUP: &str = "BEGIN ISOLATION LEVEL READ COMMITTED; SELECT pg_advisory_xact_lock(8246779703540740723); SAVEPOINT piece";
 
 /// The address of a database. It shows no password.
 #[derive(Clone)]
@@ -76,46 +91,61 @@ impl fmt::Debug for Address {
 }
 
 impl Address {
-    /// A connection that writes and holds the lock of the server, and the version of PostgreSQL. `earlier` is the session of a broken
-    /// connection of this server.
+    /// A connection that writes and holds the lock of the server, and the version of PostgreSQL. `sessions` are those of this server that
+    /// may hold the lock. Afterwards it is the new one alone; after a failure, one more may hold it.
     pub(in crate::store) async fn connect_writer(
         &self,
-        earlier: Option<i32>,
+        sessions: &mut Vec<i32>,
     ) -> Result<(PgConnection, String), StoreError> {
         let (mut connection, version) = self.connect().await?;
-        let primary =
-            "SELECT NOT pg_is_in_recovery() AND current_setting('default_transaction_read_only') = 'off'";
-        if !sqlx::query_scalar::<_, bool>(primary).fetch_one(&mut connection).await? {
+        let locked = timeout(PATIENCE, self.become_writer(&mut connection, sessions)).await;
+        locked.unwrap_or_else(|_| Err(self.failed(late())))?;
+        Ok((connection, version))
+    }
+
+    async fn become_writer(
+        &self,
+        connection: &mut PgConnection,
+        sessions: &mut Vec<i32>,
+    ) -> Result<(), StoreError> {
+        let primary = "SELECT NOT pg_is_in_recovery() AND current_setting('default_transaction_read_only') = 'off', pg_backend_pid()";
+        let (writes, session): (bool, i32) = sqlx::query_as(primary).fetch_one(&mut *connection).await?;
+        if !writes {
             return Err(self.unsuitable("it accepts no writes: give the address of the primary"));
         }
         // An acknowledged write is on disk, whatever the setting of the database.
         let durable = "SELECT set_config('synchronous_commit', 'on', false) WHERE current_setting('synchronous_commit') = 'off'";
-        sqlx::query(durable).execute(&mut connection).await?;
+        sqlx::query(durable).execute(&mut *connection).await?;
         for attempt in 0.. {
-            if sqlx::query_scalar::<_, bool>(LOCK_SERVER).fetch_one(&mut connection).await? {
+            // Remembered before it asks: the answer may get lost.
+            sessions.push(session);
+            if sqlx::query_scalar::<_, bool>(LOCK_SERVER).fetch_one(&mut *connection).await? {
                 break;
             }
+            sessions.pop();
             if attempt == LOCK_ATTEMPTS {
                 return Err(StoreError::OtherServer(self.to_string()));
             }
-            if let Some(earlier) = earlier {
-                sqlx::query(END_EARLIER).bind(earlier).execute(&mut connection).await?;
+            if !sessions.is_empty() {
+                sqlx::query(END_EARLIER).bind(&*sessions).execute(&mut *connection).await?;
             }
             sleep(Duration::from_millis(100)).await;
         }
-        Ok((connection, version))
+        *sessions = vec![session];
+        Ok(())
     }
 
     /// A connection without the lock of a server, and the version of PostgreSQL.
     pub(in crate::store) async fn connect(&self) -> Result<(PgConnection, String), StoreError> {
-        let limits = [("statement_timeout", "60s"), ("lock_timeout", "10s")];
-        let connecting = timeout(PATIENCE, (*self.0).clone().options(limits).connect()).await;
-        let waited = |_| sqlx::Error::Io(std::io::ErrorKind::TimedOut.into());
-        let fail = |source| StoreError::Connect { database: self.to_string(), source };
-        let mut connection = connecting.map_err(waited).and_then(|done| done).map_err(fail)?;
+        let options = (*self.0).clone().options(WRITER_LIMITS).options(KEEPALIVES);
         let sql = "SELECT current_setting('server_version_num')::bigint, current_setting('server_version'), current_setting('server_encoding')";
-        let (number, version, encoding): (i64, String, String) =
-            sqlx::query_as(sql).fetch_one(&mut connection).await?;
+        let connecting = timeout(PATIENCE, async {
+            let mut connection = options.connect().await?;
+            let row = sqlx::query_as::<_, (i64, String, String)>(sql).fetch_one(&mut connection).await?;
+            Ok((connection, row))
+        });
+        let connected = connecting.await.unwrap_or_else(|_| Err(late()));
+        let (connection, (number, version, encoding)) = connected.map_err(|error| self.failed(error))?;
         if number < i64::from(OLDEST) {
             return Err(self.unsuitable(&format!("it is PostgreSQL {version}; 14 or newer is needed")));
         }
@@ -134,12 +164,21 @@ impl Address {
         PgPoolOptions::new()
             .max_connections(READERS)
             .acquire_timeout(PATIENCE)
-            .connect_lazy_with((*self.0).clone().options(limits))
+            .connect_lazy_with((*self.0).clone().options(limits).options(KEEPALIVES))
+    }
+
+    fn failed(&self, source: sqlx::Error) -> StoreError {
+        StoreError::Connect { database: self.to_string(), source }
     }
 
     fn unsuitable(&self, reason: &str) -> StoreError {
         StoreError::Unsuitable { database: self.to_string(), reason: reason.to_owned() }
     }
+}
+
+/// The error of a missed deadline.
+fn late() -> sqlx::Error {
+    sqlx::Error::Io(std::io::ErrorKind::TimedOut.into())
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Tests of PostgreSQL: the schema, refusals at the start, and connections that break.
 
 use std::collections::BTreeSet;
+use std::process::Command;
 use std::time::Duration;
 
 use super::super::database::postgres::Address;
@@ -8,6 +9,9 @@ use super::super::database::{AssertSqlSafe, Connection, Row, query, query_scalar
 use super::super::migrations::migrator;
 use super::super::testing::{Cluster, Place};
 use super::super::*;
+use crate::config::ServerConfig;
+use crate::reaper::tick;
+use crate::server::Server;
 
 /// Tables that only one engine has.
 const OWN_TABLES: [&str; 3] = ["_sqlx_migrations", "row_numbers", "sqlite_sequence"];
@@ -137,6 +141,162 @@ async fn acknowledged_writes_survive_crashes_of_postgresql() {
         acknowledged = next;
     }
     store.close().await;
+}
+
+#[tokio::test]
+async fn no_attempt_is_lost_in_an_outage_longer_than_a_lease() {
+    let cluster = Cluster::start(&std::env::temp_dir(), "");
+    let database = Some(cluster.create("outage").parse().unwrap());
+    let (data, lease) = (tempfile::tempdir().unwrap(), Duration::from_secs(1));
+    let (listen, folder) = (([127, 0, 0, 1], 0).into(), data.path().to_owned());
+    let config = ServerConfig { listen, data: folder, database, lease, ..ServerConfig::default() };
+    let app = Server::bind(config).await.unwrap().app;
+    let until = app.clock.lease_now().plus_ms(1000).0;
+    let job = "INSERT INTO scenarios (digest, body) VALUES ('d', '{}');
+               INSERT INTO jobs (id, scenario_digest, seed, priority, queue_position, labels, cache, submitted_at, state, attempt,
+                                 cancelling, lease_expires_at)
+               VALUES ('01890000-0000-7000-8000-000000000000', 'd', 1, 0, 0, '{}', 'use', 0, 'running', 1, 0, 0)";
+    let set = "UPDATE jobs SET lease_expires_at = ?, deadline = 1";
+    let insert = app.store.writer.write(move |tx| {
+        Box::pin(async move {
+            raw_sql(job).execute(&mut *tx).await?;
+            Ok(query(set).bind(until).execute(tx).await?)
+        })
+    });
+    insert.await.unwrap();
+    cluster.kill();
+    tokio::time::sleep(lease + Duration::from_millis(100)).await;
+    let state = async || query_scalar::<String>("SELECT state FROM jobs").fetch_one(&app.store.readers).await;
+    let mut failures = 0;
+    while let Err(error) = tick(&app).await {
+        assert_eq!(error.unavailable(), Some(Unavailable::Away), "{error:?}");
+        failures += 1;
+        assert!(failures < 200, "{error}");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    assert_eq!(state().await.unwrap(), "running", "its worker could not send a heartbeat");
+    tick(&app).await.unwrap();
+    assert_eq!(state().await.unwrap(), "running", "its lease and its deadline are new");
+    tokio::time::sleep(lease + Duration::from_millis(100)).await;
+    tick(&app).await.unwrap();
+    assert_ne!(state().await.unwrap(), "running", "a worker that stays away loses it");
+    app.store.close().await;
+}
+
+/// A stopped process, which goes on at the end of a test.
+struct Stopped(i32);
+
+impl Stopped {
+    fn new(process: i32) -> Self {
+        signal("-STOP", process);
+        Self(process)
+    }
+}
+
+impl Drop for Stopped {
+    fn drop(&mut self) {
+        signal("-CONT", self.0);
+    }
+}
+
+fn signal(name: &str, process: i32) {
+    assert!(Command::new("kill").args([name, &process.to_string()]).status().unwrap().success());
+}
+
+/// The process of PostgreSQL that serves the writer.
+async fn session(store: &Store) -> i32 {
+    let sql = "SELECT CAST(pg_backend_pid() AS BIGINT)";
+    let write = store
+        .writer
+        .write(move |tx| Box::pin(async move { Ok(query_scalar::<i64>(sql).fetch_one(tx).await?) }));
+    write.await.unwrap().try_into().unwrap()
+}
+
+/// Counts, and stops the session before the commit.
+async fn count_and_stop(store: &Store, process: i32) -> (Result<(), StoreError>, Stopped) {
+    let (sender, stopped) = std::sync::mpsc::channel();
+    let sql = "UPDATE fair_share SET round = round + 1";
+    let write = store.writer.write(move |tx| {
+        Box::pin(async move {
+            raw_sql(sql).execute(tx).await?;
+            sender.send(Stopped::new(process)).unwrap();
+            Ok(())
+        })
+    });
+    (write.await, stopped.recv().unwrap())
+}
+
+#[tokio::test]
+async fn a_postgresql_that_stops_answering_is_left_and_its_late_commit_comes_before_the_next_write() {
+    for at_commit in [false, true] {
+        let place = Place::postgres();
+        let store = place.open().await;
+        let before = count(&store).await.unwrap();
+        let (process, started) = (session(&store).await, std::time::Instant::now());
+        let (refused, stopped) = match at_commit {
+            true => count_and_stop(&store, process).await,
+            false => {
+                let stopped = Stopped::new(process);
+                (count(&store).await.map(drop), stopped)
+            }
+        };
+        let error = refused.expect_err("nobody answers");
+        assert_eq!(error.unavailable(), Some(Unavailable::Away), "{error:?}");
+        assert!(started.elapsed() < Duration::from_secs(30), "{:?}", started.elapsed());
+        // The stopped session may still commit: no other may write before it ends.
+        let error = count(&store).await.expect_err("the earlier session holds the lock");
+        assert!(error.unavailable().is_some(), "{error:?}");
+        drop(stopped);
+        let next = loop {
+            match count(&store).await {
+                Ok(next) => break next,
+                Err(error) => assert!(error.unavailable().is_some(), "{error:?}"),
+            }
+            assert!(started.elapsed() < Duration::from_secs(60), "{:?}", started.elapsed());
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        };
+        let late = next - before - 1;
+        assert!(late == 0 || at_commit && late == 1, "{late} late commits");
+        let lives = "SELECT count(*) FROM pg_stat_activity WHERE pid = ?";
+        let alive = query_scalar::<i64>(lives).bind(i64::from(process)).fetch_one(&store.readers).await;
+        assert_eq!(alive.unwrap(), 0, "the earlier session has ended");
+        tokio::time::sleep(Duration::from_millis(300)).await;
+        assert_eq!(count(&store).await.unwrap(), next + 1, "nothing was committed later");
+        store.close().await;
+    }
+}
+
+#[tokio::test]
+async fn a_transaction_reads_what_was_committed_before_whatever_the_default_of_the_database() {
+    let place = Place::postgres();
+    let mut owner = Connection::from(address(&place).connect().await.unwrap().0);
+    let name: String = query_scalar("SELECT current_database()::text").fetch_one(&mut owner).await.unwrap();
+    let sql = AssertSqlSafe(format!("ALTER DATABASE {name} SET default_transaction_isolation = serializable"));
+    raw_sql(sql).execute(&mut owner).await.unwrap();
+    let store = place.open().await;
+    for is_large in [false, true] {
+        let sql = "SELECT current_setting('transaction_isolation')";
+        let write = store.writer.write_as(is_large, move |tx| {
+            Box::pin(async move { Ok(query_scalar::<String>(sql).fetch_one(tx).await?) })
+        });
+        assert_eq!(write.await.unwrap(), "read committed");
+    }
+    store.close().await;
+}
+
+#[tokio::test]
+async fn a_session_whose_lock_nobody_was_told_of_is_ended() {
+    let place = Place::postgres();
+    let first = address(&place);
+    let (mut sessions, lost) = (Vec::new(), &mut Vec::new());
+    let (_writer, _) = first.connect_writer(&mut sessions).await.unwrap();
+    lost.append(&mut sessions);
+    // Its lock is that of an attempt without an answer, beside the session of an older connection.
+    lost.insert(0, i32::MAX);
+    let (_next, _) = first.connect_writer(lost).await.unwrap();
+    assert_eq!(lost.len(), 1);
+    let error = first.connect_writer(&mut vec![i32::MAX]).await.err().expect("refused");
+    assert!(matches!(error, StoreError::OtherServer(_)), "{error:?}");
 }
 
 #[tokio::test]

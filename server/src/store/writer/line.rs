@@ -6,7 +6,7 @@ use backon::{BackoffBuilder, ExponentialBuilder};
 use tokio::time::Instant;
 
 use crate::store::StoreError;
-use crate::store::database::{Connection, Engine, postgres, query_scalar};
+use crate::store::database::{Connection, Engine, postgres};
 
 /// How a broken connection is replaced.
 pub(in crate::store) struct Line {
@@ -16,8 +16,8 @@ pub(in crate::store) struct Line {
 
 struct Server {
     address: postgres::Address,
-    /// The session of the newest connection.
-    session: i32,
+    /// The sessions that may hold the lock of the server: of the newest connection, and of attempts since then.
+    sessions: Vec<i32>,
     /// Pauses between attempts, and the end of the present one.
     pauses: <ExponentialBuilder as BackoffBuilder>::Backoff,
     not_before: Instant,
@@ -39,13 +39,14 @@ impl Line {
         Self { server: None }
     }
 
-    /// Of PostgreSQL, with the first connection to it.
-    pub(in crate::store) async fn postgres(
-        address: postgres::Address,
-        connection: &mut Connection,
-    ) -> Result<Self, StoreError> {
-        let session = session(connection).await?;
-        Ok(Self { server: Some(Server { address, session, pauses: pauses(), not_before: Instant::now() }) })
+    /// Of PostgreSQL, with the session of the first connection to it.
+    pub(in crate::store) fn postgres(address: postgres::Address, sessions: Vec<i32>) -> Self {
+        Self { server: Some(Server { address, sessions, pauses: pauses(), not_before: Instant::now() }) }
+    }
+
+    /// Whether its connections can break.
+    pub(super) fn can_break(&self) -> bool {
+        self.server.is_some()
     }
 
     /// Opens a connection in place of a broken one. The earlier session has ended then, and with it the transaction whose outcome nobody
@@ -66,21 +67,15 @@ impl Line {
 
 impl Server {
     async fn open(&mut self) -> Result<Connection, StoreError> {
-        let (connection, _) = self.address.connect_writer(Some(self.session)).await?;
-        let mut connection = Connection::from(connection);
-        self.session = session(&mut connection).await?;
+        let (connection, _) = self.address.connect_writer(&mut self.sessions).await?;
         tracing::info!(database = %self.address, "connected to PostgreSQL again");
-        Ok(connection)
+        Ok(connection.into())
     }
 
     fn away(&self) -> StoreError {
         let source = sqlx::Error::Io(std::io::ErrorKind::NotConnected.into());
         StoreError::Connect { database: self.address.to_string(), source }
     }
-}
-
-async fn session(connection: &mut Connection) -> Result<i32, StoreError> {
-    Ok(query_scalar("SELECT pg_backend_pid()").fetch_one(connection).await?)
 }
 
 /// The statements around writes.

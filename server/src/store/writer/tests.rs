@@ -7,7 +7,7 @@ use sqlx::{ConnectOptions, SqliteConnection};
 
 use super::*;
 use crate::store::Unavailable;
-use crate::store::database::{query, query_scalar};
+use crate::store::database::{query, query_scalar, raw_sql};
 
 /// A writer whose commits are not flushed.
 fn unflushed(connection: SqliteConnection) -> Writer {
