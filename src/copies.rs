@@ -37,7 +37,8 @@ struct Common {
         long,
         env = "ROOST_DATABASE",
         hide_env_values = true,
-        value_name = "postgres://USER@HOST/DATABASE"
+        value_name = "postgres://USER@HOST/DATABASE",
+        value_parser = crate::database::address()
     )]
     database: Option<Location>,
     /// Print JSON

@@ -16,10 +16,10 @@ use crate::copies;
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Data folder or database to read
-    #[arg(long, value_name = "DIR|postgres://USER@HOST/DATABASE", value_parser = place)]
+    #[arg(long, value_name = "DIR|postgres://USER@HOST/DATABASE", value_parser = crate::database::Place(place))]
     from: Location,
     /// Data folder or database to write
-    #[arg(long, value_name = "DIR|postgres://USER@HOST/DATABASE", value_parser = place)]
+    #[arg(long, value_name = "DIR|postgres://USER@HOST/DATABASE", value_parser = crate::database::Place(place))]
     to: Location,
     /// Print JSON
     #[arg(long)]

@@ -6,6 +6,7 @@ mod compare;
 mod completions;
 mod copies;
 mod copy;
+mod database;
 mod delete;
 mod demo;
 mod device;

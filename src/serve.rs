@@ -35,7 +35,8 @@ pub(crate) struct ServerArgs {
         long,
         env = "ROOST_DATABASE",
         hide_env_values = true,
-        value_name = "postgres://USER@HOST/DATABASE"
+        value_name = "postgres://USER@HOST/DATABASE",
+        value_parser = crate::database::address()
     )]
     database: Option<Location>,
     /// Store frames in an S3 bucket instead of the data folder, with credentials from environment variables; needs a build with the feature

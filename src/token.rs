@@ -27,7 +27,8 @@ pub(crate) struct Args {
         global = true,
         env = "ROOST_DATABASE",
         hide_env_values = true,
-        value_name = "postgres://USER@HOST/DATABASE"
+        value_name = "postgres://USER@HOST/DATABASE",
+        value_parser = crate::database::address()
     )]
     database: Option<Location>,
     /// Print JSON

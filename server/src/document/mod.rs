@@ -157,15 +157,18 @@ pub(crate) fn fault(pointer: &str, value: Value, detail: &str, allowed: &str) ->
     Fault::new(pointer, &value, detail.to_owned(), allowed)
 }
 
+/// Maximum of a time that a document states, in seconds: 31 years.
+const LONGEST_S: f64 = 1e9;
+
 /// Faults of the fields that jobs and sweeps share.
 pub(crate) fn running_faults(max_wall_s: Option<f64>, frame_interval_s: Option<f64>) -> Vec<Fault> {
-    let times = [
-        ("/max_wall_s", max_wall_s, "must be more than 0 s"),
-        ("/frame_interval_s", frame_interval_s, "must be more than 0 s"),
-    ];
-    let wrong = |(at, seconds, detail): (&str, Option<f64>, &str)| {
-        let seconds = seconds.filter(|seconds| *seconds <= 0.0)?;
-        Some(fault(at, json!(seconds), detail, "more than 0 s, or null"))
+    // Longer times would not fit the column of the deadline, in milliseconds.
+    let is_wrong = |seconds: &f64| !(*seconds > 0.0 && *seconds <= LONGEST_S);
+    let times = [("/max_wall_s", max_wall_s), ("/frame_interval_s", frame_interval_s)];
+    let wrong = |(at, seconds): (&str, Option<f64>)| {
+        let seconds = seconds.filter(is_wrong)?;
+        let detail = if seconds > LONGEST_S { "must be at most 1e9 s" } else { "must be more than 0 s" };
+        Some(fault(at, json!(seconds), detail, "more than 0 s, up to 1e9 s, or null"))
     };
     times.into_iter().filter_map(wrong).collect()
 }

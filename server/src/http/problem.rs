@@ -121,7 +121,9 @@ impl From<StoreError> for ApiError {
     fn from(error: StoreError) -> Self {
         tracing::error!(error = error.as_dyn(), "the store failed");
         match (error.unavailable(), &error) {
-            (Some(reason @ Unavailable::Full), _) => Self::new(ProblemKind::StorageFull, reason.sentence()),
+            (Some(reason @ (Unavailable::Full | Unavailable::FullPostgres)), _) => {
+                Self::new(ProblemKind::StorageFull, reason.sentence())
+            }
             (Some(reason), _) => Self::new(ProblemKind::Unavailable, reason.sentence()),
             (None, StoreError::Object(_)) => Self::new(
                 ProblemKind::Unavailable,

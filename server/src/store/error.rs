@@ -106,7 +106,9 @@ pub(crate) enum Unavailable {
     Full,
     /// PostgreSQL does not answer.
     Away,
-    /// PostgreSQL takes too long.
+    /// The disk of PostgreSQL is full.
+    FullPostgres,
+    /// The database takes too long.
     Slow,
     /// PostgreSQL refuses writes.
     ReadOnly,
@@ -121,7 +123,10 @@ impl Unavailable {
                 "the disk of the server's data directory is full: nothing changed; the operator must free space"
             }
             Self::Away => "the server cannot reach PostgreSQL: try again later",
-            Self::Slow => "PostgreSQL took too long: try again later",
+            Self::FullPostgres => {
+                "the disk of PostgreSQL is full: nothing changed; its operator must free space"
+            }
+            Self::Slow => "the database took too long, or cannot be reached: try again later",
             Self::ReadOnly => {
                 "PostgreSQL accepts no writes now, perhaps as a standby: the operator must make it the primary"
             }
@@ -193,7 +198,7 @@ fn is_full(error: &(dyn std::error::Error + 'static)) -> bool {
 /// The reason behind a code of PostgreSQL, if the database is only unavailable for now.
 fn of_postgres(code: &str) -> Option<Unavailable> {
     match code {
-        "53100" => Some(Unavailable::Full),
+        "53100" => Some(Unavailable::FullPostgres),
         "25006" => Some(Unavailable::ReadOnly),
         // A timeout of a statement, of a lock, or of a transaction.
         "57014" | "55P03" | "25P03" | "25P04" => Some(Unavailable::Slow),

@@ -78,7 +78,8 @@ fn run(
     let _ended = ended.drop_guard();
     let mut group = Vec::new();
     while waiting.blocking_recv_many(&mut group, MAX_COMMITS) > 0 {
-        let flushed = flush().map_err(|error| Arc::new(sqlx::Error::Io(error)));
+        // Not as an error of a connection, which a client could wait for.
+        let flushed = flush().map_err(|error| Arc::new(sqlx::Error::AnyDriverError(error.into())));
         for committed in group.drain(..) {
             seconds.observe(committed.started.elapsed().as_secs_f64());
             (committed.answer)(flushed.clone());

@@ -96,7 +96,7 @@ async fn delete_mesh(tx: &mut Connection, digest: &str) -> Result<(), StoreError
 
 const ENDED_SWEEPS: &str = "
     SELECT s.id, s.name, (SELECT count(*) FROM jobs WHERE sweep_id = s.id) AS jobs,
-           (SELECT max(ended_at) FROM jobs WHERE sweep_id = s.id) AS ended_at
+           coalesce((SELECT max(ended_at) FROM jobs WHERE sweep_id = s.id), s.submitted_at) AS ended_at
     FROM sweeps s
     WHERE s.state = 'ready' AND s.submitted_at < ?1
       AND NOT EXISTS (SELECT 1 FROM jobs WHERE sweep_id = s.id AND (ended_at IS NULL OR ended_at >= ?1))

@@ -1,0 +1,30 @@
+//! The option for a database of PostgreSQL, whose address may hold a password.
+
+use std::ffi::OsStr;
+
+use clap::builder::TypedValueParser;
+use clap::error::ErrorKind;
+use clap::{Arg, Command, Error};
+use roost_server::Location;
+
+/// Reads an address. Its errors do not quote the address: clap's own would print a password to the terminal or the journal.
+#[derive(Clone, Copy)]
+pub(crate) struct Place(pub(crate) fn(&str) -> Result<Location, String>);
+
+/// The address of a PostgreSQL database.
+pub(crate) fn address() -> Place {
+    Place(|text| text.parse().map_err(|error: roost_server::LocationError| error.to_string()))
+}
+
+impl TypedValueParser for Place {
+    type Value = Location;
+
+    fn parse_ref(&self, command: &Command, arg: Option<&Arg>, value: &OsStr) -> Result<Location, Error> {
+        let text = value.to_str().ok_or_else(|| "the address is not UTF-8".to_owned());
+        text.and_then(self.0).map_err(|reason| {
+            let option = arg.map(ToString::to_string).unwrap_or_default();
+            Error::raw(ErrorKind::ValueValidation, format!("invalid value for '{option}': {reason}\n"))
+                .with_cmd(command)
+        })
+    }
+}
