@@ -59,6 +59,7 @@ mod writer;
 
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Duration;
 
 use prometheus_client::metrics::histogram::Histogram;
 use tokio::sync::Mutex;
@@ -98,6 +99,9 @@ use writer::Writer;
 
 /// The folder of objects, beside the database.
 pub(crate) const OBJECTS: &str = "objects";
+
+/// Maximum time of a check of PostgreSQL. A probe of Kubernetes waits 5 s.
+const PING: Duration = Duration::from_secs(4);
 
 /// The database and the objects.
 pub(crate) struct Store {
@@ -155,6 +159,16 @@ impl Store {
 
     /// Checks that reads and writes succeed.
     pub(crate) async fn ping(&self) -> Result<(), StoreError> {
+        match self.readers {
+            Pool::Sqlite(_) => self.read_and_write().await,
+            // A connection whose other end is gone says nothing for a minute.
+            Pool::Postgres(_) => tokio::time::timeout(PING, self.read_and_write())
+                .await
+                .unwrap_or(Err(StoreError::Sql(sqlx::Error::PoolTimedOut))),
+        }
+    }
+
+    async fn read_and_write(&self) -> Result<(), StoreError> {
         query("SELECT 1").execute(&self.readers).await?;
         // A write that reaches the disk: a transaction without changes would pass on a full disk.
         let ping = self.writer.write(|tx| {

@@ -25,8 +25,8 @@ use tokio::task::JoinHandle;
 use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
 
-pub(super) use line::Line;
 use group::{Failure, Shared, begin, execute_group, execute_large, roll_back};
+pub(super) use line::Line;
 pub(super) use outages::{Outages, STALL};
 
 use super::StoreError;

@@ -271,7 +271,8 @@ async fn a_transaction_reads_what_was_committed_before_whatever_the_default_of_t
     let place = Place::postgres();
     let mut owner = Connection::from(address(&place).connect().await.unwrap().0);
     let name: String = query_scalar("SELECT current_database()::text").fetch_one(&mut owner).await.unwrap();
-    let sql = AssertSqlSafe(format!("ALTER DATABASE {name} SET default_transaction_isolation = serializable"));
+    let sql =
+        AssertSqlSafe(format!("ALTER DATABASE {name} SET default_transaction_isolation = serializable"));
     raw_sql(sql).execute(&mut owner).await.unwrap();
     let store = place.open().await;
     for is_large in [false, true] {
@@ -295,7 +296,7 @@ async fn a_session_whose_lock_nobody_was_told_of_is_ended() {
     lost.insert(0, i32::MAX);
     let (_next, _) = first.connect_writer(lost).await.unwrap();
     assert_eq!(lost.len(), 1);
-    let error = first.connect_writer(&mut vec![i32::MAX]).await.err().expect("refused");
+    let error = first.connect_writer(&mut vec![i32::MAX]).await.expect_err("refused");
     assert!(matches!(error, StoreError::OtherServer(_)), "{error:?}");
 }
 
@@ -303,7 +304,7 @@ async fn a_session_whose_lock_nobody_was_told_of_is_ended() {
 async fn an_unusable_postgresql_is_refused_at_the_start() {
     let open = async |location: &Location| {
         let folder = tempfile::tempdir().unwrap();
-        Store::open(location, folder.path(), None).await.err().expect("refused")
+        Store::open(location, folder.path(), None).await.expect_err("refused")
     };
     let nowhere: Location = "postgres://me:secret@localhost/roost?host=/nowhere".parse().unwrap();
     let error = open(&nowhere).await;
@@ -321,7 +322,7 @@ async fn an_unusable_postgresql_is_refused_at_the_start() {
     store.close().await;
     let error = open(&place.location).await;
     assert!(matches!(error, StoreError::Newer { found: 9999, .. }), "{error:?}");
-    let error = TokenFile::open(&place.location, true).await.err().expect("refused");
+    let error = TokenFile::open(&place.location, true).await.expect_err("refused");
     assert!(matches!(error, StoreError::Newer { found: 9999, .. }), "{error:?}");
 
     let place = Place::postgres();
