@@ -304,7 +304,7 @@ async fn a_session_whose_lock_nobody_was_told_of_is_ended() {
 async fn an_unusable_postgresql_is_refused_at_the_start() {
     let open = async |location: &Location| {
         let folder = tempfile::tempdir().unwrap();
-        Store::open(location, folder.path(), None).await.expect_err("refused")
+        Store::open(location, folder.path(), None).await.err().expect("refused")
     };
     let nowhere: Location = "postgres://me:secret@localhost/roost?host=/nowhere".parse().unwrap();
     let error = open(&nowhere).await;
@@ -322,7 +322,7 @@ async fn an_unusable_postgresql_is_refused_at_the_start() {
     store.close().await;
     let error = open(&place.location).await;
     assert!(matches!(error, StoreError::Newer { found: 9999, .. }), "{error:?}");
-    let error = TokenFile::open(&place.location, true).await.expect_err("refused");
+    let error = TokenFile::open(&place.location, true).await.err().expect("refused");
     assert!(matches!(error, StoreError::Newer { found: 9999, .. }), "{error:?}");
 
     let place = Place::postgres();
