@@ -27,7 +27,8 @@ pub(crate) struct Args {
 }
 
 fn place(text: &str) -> Result<Location, String> {
-    if text.contains("://") {
+    // Settings as libpq takes them are no folder, and an error about a folder quotes it.
+    if text.contains("://") || text.contains("password=") {
         return text.parse().map_err(|error: roost_server::LocationError| error.to_string());
     }
     Ok(database_in(Path::new(text)))

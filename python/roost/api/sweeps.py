@@ -65,7 +65,8 @@ class Sweep:
     def refresh(self) -> Sweep:
         """Reads its state."""
         view, self._etag = self._transport.poll(self._path, self._etag)
-        self.view = view or self.view
+        if view:
+            self.view, self._warned = view, 0
         return self
 
     def wait(self, timeout_s: float | None = None, *, progress: bool = True) -> Sweep:
@@ -85,7 +86,8 @@ class Sweep:
         if failures:
             words = ", ".join(f"{count} {name}" for name, count in failures.items())
             warnings.warn(f"{self.view['counts']['failed']} jobs have failed ({words}): see .jobs(state='failed')", stacklevel=2)
-        if self.view["counts"]["succeeded"] <= _PAGE:
+        self._warned = 0
+        if sum(_counts(self).values()) <= _PAGE:
             page = self._transport.get(f"{self._path}/results", {"responses": "warning_count", "limit": _PAGE})
             self._warned = sum(bool(row["responses"].get("warning_count")) for row in page["trials"])
         return self

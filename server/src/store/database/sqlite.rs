@@ -35,10 +35,16 @@ pub(in crate::store) fn writer_options(path: &Path) -> SqliteConnectOptions {
     options(path).pragma("cache_size", WRITER_CACHE_KIB).synchronous(SqliteSynchronous::Normal)
 }
 
-/// Copies the whole log into the database, and returns the path of the log. After a power failure or a failed flush, the system may
+/// Copies the whole log into the database where nothing prevents it, and returns the path of the log. After a power failure or a failed flush, the system may
 /// have parts of the log in memory alone, and would never write them to the disk.
 pub(in crate::store) async fn settle_log(connection: &mut SqliteConnection) -> Result<PathBuf, StoreError> {
-    sqlx::query("PRAGMA wal_checkpoint(TRUNCATE)").execute(&mut *connection).await?;
+    let copied: Result<(i64, i64, i64), _> =
+        sqlx::query_as("PRAGMA wal_checkpoint(TRUNCATE)").fetch_one(&mut *connection).await;
+    match copied {
+        Ok((0, ..)) => {}
+        Ok(_) => tracing::warn!("the write-ahead log was not copied: another program reads the database"),
+        Err(error) => tracing::warn!(%error, "the write-ahead log was not copied"),
+    }
     // SQLite follows links: the log is beside the file itself.
     let sql = "SELECT file FROM pragma_database_list WHERE name = 'main'";
     let file: String = sqlx::query_scalar(sql).fetch_one(connection).await?;
