@@ -44,7 +44,7 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         let name = path.file_name().unwrap().to_str().unwrap();
-        if ["tests", "tests.rs", "simulation"].contains(&name) || name.ends_with("_tests.rs") {
+        if ["tests", "tests.rs", "simulation", "testing"].contains(&name) || name.ends_with("_tests.rs") {
             continue;
         }
         if path.is_dir() {

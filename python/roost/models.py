@@ -1597,6 +1597,8 @@ class VersionView(TypedDict):
 
     api_version: str
     """Version of the API, such as `v1`."""
+    database: NotRequired[str]
+    """Name and version of the database: SQLite or PostgreSQL."""
     server: str
     """Version of the server."""
     solver_revision: int

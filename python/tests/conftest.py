@@ -24,7 +24,7 @@ def hopper(duration_s: float) -> Fields:
     }
 
 
-def slow_hopper(duration_s: float = 0.5) -> Fields:
+def slow_hopper(duration_s: float = 2.5) -> Fields:
     """The same with a slow belt and small steps: about a second of wall time."""
     fields = hopper(duration_s)
     fields["equipment"]["belt_speed_m_s"] = 0.005

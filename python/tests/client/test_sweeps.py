@@ -105,10 +105,11 @@ def test_the_share_of_a_point_is_that_of_the_server(sweep: Sweep) -> None:
         assert (share.count, share.n, share.share) == (here.count, 2, here.share)
         assert (share.low_95, share.high_95) == pytest.approx((here.low_95, here.high_95), abs=1e-9)
     assert points.share("no such response", point=0).n == 0
-    with pytest.raises(roost.RoostError, match="word is missing; allowed: "):
+    with pytest.raises(RoostError, match="word is missing; allowed: "):
         points.share("regime", point=0)
-    with pytest.raises(roost.RoostError, match="a mean of .*; allowed: a response of 0 or 1"):
-        points.share("filled_kg", point=0)
+    number = next(name.removesuffix(".mean") for name, value in points.to_pandas().iloc[0].items() if name.endswith(".mean") and isinstance(value, float) and value > 1)
+    with pytest.raises(RoostError, match="a mean of .*; allowed: a response of 0 or 1"):
+        points.share(number, point=0)
     with pytest.raises(RoostError, match="allowed in a table by point: 0 to 3"):
         sweep.jam_share(4)
     with pytest.raises(RoostError, match="by point"):
