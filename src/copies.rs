@@ -3,9 +3,11 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use roost_server::{DataError, Location};
+use roost_server::DataError;
 use roost_terminal::{BadInput, Exit, message, print_json, print_line};
 use serde_json::json;
+
+use crate::database::Database;
 
 /// Copy the data of a server into a folder; the server may be running
 ///
@@ -32,15 +34,8 @@ struct Common {
     /// Data folder of the server
     #[arg(long, default_value = "roost-data", value_name = "DIR")]
     data: PathBuf,
-    /// Database of a server that uses PostgreSQL: its backups are made by pg_dump
-    #[arg(
-        long,
-        env = "ROOST_DATABASE",
-        hide_env_values = true,
-        value_name = "postgres://USER@HOST/DATABASE",
-        value_parser = crate::database::address()
-    )]
-    database: Option<Location>,
+    #[command(flatten)]
+    database: Database,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -49,7 +44,7 @@ struct Common {
 impl Common {
     /// PostgreSQL has programs of its own for this.
     fn refuse_postgres(&self) -> Result<()> {
-        let Some(database) = &self.database else { return Ok(()) };
+        let Some(database) = &self.database.address else { return Ok(()) };
         let advice = "back it up with `pg_dump --format=custom`, restore it with `pg_restore`, and copy the folder of objects afterwards";
         Err(BadInput(format!("{database} is a database of PostgreSQL: {advice}")).into())
     }

@@ -7,13 +7,28 @@ use clap::error::ErrorKind;
 use clap::{Arg, Command, Error};
 use roost_server::Location;
 
+/// The option.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Database {
+    /// Database of PostgreSQL that keeps the queue instead of the data folder. Roost reads a password from the environment variable
+    /// PGPASSWORD, or from the file that PGPASSFILE names (~/.pgpass by default)
+    #[arg(
+        long = "database",
+        global = true,
+        env = "ROOST_DATABASE",
+        hide_env_values = true,
+        value_name = "postgres://USER@HOST/DATABASE",
+        value_parser = Place(address)
+    )]
+    pub(crate) address: Option<Location>,
+}
+
 /// Reads an address. Its errors do not quote the address: clap's own would print a password to the terminal or the journal.
 #[derive(Clone, Copy)]
 pub(crate) struct Place(pub(crate) fn(&str) -> Result<Location, String>);
 
-/// The address of a PostgreSQL database.
-pub(crate) fn address() -> Place {
-    Place(|text| text.parse().map_err(|error: roost_server::LocationError| error.to_string()))
+fn address(text: &str) -> Result<Location, String> {
+    text.parse().map_err(|error: roost_server::LocationError| error.to_string())
 }
 
 impl TypedValueParser for Place {

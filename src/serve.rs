@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::Result;
-use roost_server::{Bucket, Limits, Location, RetryLimit, RetryPolicy, Server, ServerConfig};
+use roost_server::{Bucket, Limits, RetryLimit, RetryPolicy, Server, ServerConfig};
 use roost_terminal::{Exit, print_line, signals};
 
+use crate::database::Database;
 use crate::interval::interval;
 
 /// Run the server: the queue, the sweeps and the HTTP API
@@ -29,16 +30,8 @@ pub(crate) struct ServerArgs {
     /// Data folder
     #[arg(long, default_value = "roost-data", value_name = "DIR")]
     pub(crate) data: PathBuf,
-    /// Keep the queue in this database of PostgreSQL instead of the data folder. Roost reads a password from the environment variable
-    /// PGPASSWORD, or from the file that PGPASSFILE names (~/.pgpass by default)
-    #[arg(
-        long,
-        env = "ROOST_DATABASE",
-        hide_env_values = true,
-        value_name = "postgres://USER@HOST/DATABASE",
-        value_parser = crate::database::address()
-    )]
-    database: Option<Location>,
+    #[command(flatten)]
+    database: Database,
     /// Store frames in an S3 bucket instead of the data folder, with credentials from environment variables; needs a build with the feature
     /// `s3`
     #[arg(long, value_name = "s3://BUCKET/PREFIX")]
@@ -109,7 +102,7 @@ impl ServerArgs {
         ServerConfig {
             listen: self.listen,
             data: self.data,
-            database: self.database,
+            database: self.database.address,
             objects: self.objects,
             heartbeat: Duration::from_secs_f64(self.heartbeat_s),
             lease: Duration::from_secs_f64(self.lease_s),

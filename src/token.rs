@@ -6,11 +6,11 @@ use anyhow::{Result, bail};
 use clap::Subcommand;
 use roost_api::time::Timestamp;
 use roost_api::token::{Scope, TokenView};
-use roost_server::Location;
 use roost_terminal::{Exit, Table, message, print_json, print_line, print_lines};
 use serde_json::json;
 
 use crate::copies;
+use crate::database::Database;
 
 /// Create, list and revoke access tokens
 ///
@@ -21,16 +21,8 @@ pub(crate) struct Args {
     /// Data folder of the server
     #[arg(long, global = true, default_value = "roost-data", value_name = "DIR")]
     data: PathBuf,
-    /// Database of a server that uses PostgreSQL
-    #[arg(
-        long,
-        global = true,
-        env = "ROOST_DATABASE",
-        hide_env_values = true,
-        value_name = "postgres://USER@HOST/DATABASE",
-        value_parser = crate::database::address()
-    )]
-    database: Option<Location>,
+    #[command(flatten)]
+    database: Database,
     /// Print JSON
     #[arg(long, global = true)]
     json: bool,
@@ -60,8 +52,8 @@ enum Action {
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let is_first = matches!(args.action, Action::Create { .. });
-    let is_new = is_first && args.database.is_none() && !args.data.exists();
-    let mut tokens = match &args.database {
+    let is_new = is_first && args.database.address.is_none() && !args.data.exists();
+    let mut tokens = match &args.database.address {
         Some(database) => roost_server::tokens_at(database).await?,
         None => roost_server::tokens_in(&args.data, is_first).await.map_err(copies::with_advice)?,
     };

@@ -336,3 +336,20 @@ fn server_and_worker_in_one_process_share_a_data_folder_with_tokens() {
     running.wait().unwrap();
     assert!(submitted.status.success(), "{}", transcript(&submitted));
 }
+
+#[test]
+fn a_refused_database_address_is_not_quoted() {
+    for address in
+        ["host=db user=me password=s3cret", "mysql://me:s3cret@db/roost", "postgres://me:s3c/ret@db/roost"]
+    {
+        for command in [
+            vec!["serve", "--database", address],
+            vec!["token", "list", "--database", address],
+            vec!["copy", "--to", "elsewhere", "--from", address],
+        ] {
+            let output = run(&command);
+            let text = transcript(&output);
+            assert!(!output.status.success() && !text.contains("s3c"), "{command:?}: {text}");
+        }
+    }
+}
