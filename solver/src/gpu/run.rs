@@ -185,17 +185,21 @@ impl Run {
                 self.state.broken[k] = own.broken;
             }
             self.state.bonds_broken = self.bonds_broken;
-            self.surface_loads = self.loads(&pod_collect_to_vec(&counts), &pod_collect_to_vec(&walls));
+            let (counts, walls): (Vec<Count>, Vec<WallPair>) =
+                (pod_collect_to_vec(&counts), pod_collect_to_vec(&walls));
+            let near = |i: usize| walls[i..].iter().step_by(counts.len()).take(counts[i].walls as usize);
+            self.surface_loads = self.loads(near);
             self.is_read = true;
         }
     }
 
     /// Load on each surface, summed in the order of the plain path.
-    fn loads(&self, counts: &[Count], walls: &[WallPair]) -> Vec<SurfaceLoad> {
-        let rows = walls.chunks(self.buffers.row_capacity.walls as usize).zip(counts);
-        let contacts = rows.zip(&self.state.particles).flat_map(|((row, count), particle)| {
-            let near = row[..count.walls as usize].iter();
-            near.map(|wall| (*particle, wall.facet, Vec3::from(wall.force)))
+    fn loads<'a, Near: Iterator<Item = &'a WallPair>>(
+        &self,
+        near: impl Fn(usize) -> Near,
+    ) -> Vec<SurfaceLoad> {
+        let contacts = self.state.particles.iter().enumerate().flat_map(|(i, particle)| {
+            near(i).map(|wall| (*particle, wall.facet, Vec3::from(wall.force)))
         });
         self.walls.loads(&self.state.frame, self.dt as f32, contacts)
     }
@@ -232,7 +236,7 @@ impl Run {
             self.state(device);
             let mut rows = self.buffers.read_rows(device);
             rows.surfaces_changed(&changed);
-            self.surface_loads = self.loads(&rows.counts, &rows.walls);
+            self.surface_loads = self.loads(|i| rows.walls(i).iter());
             self.buffers.write_rows(device, &rows);
         }
     }
@@ -242,7 +246,7 @@ impl Run {
         let rows = self.buffers.read_rows(device);
         let map = self.state.remove(serials);
         let rows = rows.remove(&map);
-        self.surface_loads = self.loads(&rows.counts, &rows.walls);
+        self.surface_loads = self.loads(|i| rows.walls(i).iter());
         self.buffers.write_rows(device, &rows);
         self.write_state(device);
     }

@@ -184,9 +184,10 @@ impl RunBuffers {
         self.elements = self.elements.with_rows(rows);
         self.row_capacity = rows.row_capacity;
         self.write(device, RunBuffer::Counts, &rows.counts);
-        self.write(device, RunBuffer::Pairs, &rows.pairs);
-        self.write(device, RunBuffer::Moments, &rows.moments);
-        self.write(device, RunBuffer::Walls, &rows.walls);
+        let RowCapacity { pairs, walls } = rows.row_capacity;
+        self.write(device, RunBuffer::Pairs, &transposed(&rows.pairs, pairs));
+        self.write(device, RunBuffer::Moments, &transposed(&rows.moments, pairs));
+        self.write(device, RunBuffer::Walls, &transposed(&rows.walls, walls));
     }
 
     /// Makes room for rows of more sub-particles. The content of all buffers that steps change is lost.
@@ -206,12 +207,13 @@ impl RunBuffers {
     pub(super) fn read_rows(&self, device: &Device) -> Rows {
         let parts = [RunBuffer::Counts, RunBuffer::Pairs, RunBuffer::Moments, RunBuffer::Walls];
         let [counts, pairs, moments, walls] = self.read(device, parts);
+        let count = self.elements.particles;
         Rows {
             row_capacity: self.row_capacity,
             counts: pod_collect_to_vec(&counts),
-            pairs: pod_collect_to_vec(&pairs),
-            moments: pod_collect_to_vec(&moments),
-            walls: pod_collect_to_vec(&walls),
+            pairs: transposed(&pod_collect_to_vec(&pairs), count),
+            moments: transposed(&pod_collect_to_vec(&moments), count),
+            walls: transposed(&pod_collect_to_vec(&walls), count),
         }
     }
 
@@ -243,4 +245,10 @@ impl RunBuffers {
         self.write_rows(device, &rows);
         Ok(())
     }
+}
+
+/// Rows of this width as columns, one behind the other. The device has columns: see `kernels/bindings.wgsl`.
+fn transposed<T: Copy>(rows: &[T], width: u32) -> Vec<T> {
+    let width = width as usize;
+    (0..width).flat_map(|column| rows.iter().skip(column).step_by(width)).copied().collect()
 }

@@ -48,9 +48,15 @@ fn has_moments(scene: Scene) -> bool {
     return scene.moment.k_b != 0.0;
 }
 
-// The row of moments of a sub-particle of such a run.
+// Index of the first entry of a row. The next entries follow at distances of `scene.count`: a run has the first entries of
+// all its rows side by side, then the second ones. Invocations side by side then use memory side by side.
+fn row(scene: Scene, capacity: u32, i: u32) -> u32 {
+    return scene.first * capacity + i - scene.first;
+}
+
+// The same for the moments of a sub-particle of such a run.
 fn moment_row(scene: Scene, i: u32) -> u32 {
-    return (scene.first_moments + i - scene.first) * dispatch.pair_capacity;
+    return scene.first_moments * dispatch.pair_capacity + i - scene.first;
 }
 
 // Whether a run has finished, or diverged in an earlier step. It then stays unchanged.

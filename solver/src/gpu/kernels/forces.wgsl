@@ -20,9 +20,9 @@ fn add(load: ptr<function, Load>, force: vec3<f32>, arm: vec3<f32>, across: vec3
 
 fn add_pair_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>) -> ForceStats {
     var stats = ForceStats(0.0, 0u);
-    let base = i * dispatch.pair_capacity;
-    let end = base + counts[i].pairs;
-    for (var at = base; at < end; at++) {
+    let base = row(scene, dispatch.pair_capacity, i);
+    let end = base + counts[i].pairs * scene.count;
+    for (var at = base; at < end; at += scene.count) {
         let state = pairs[at].state;
         let j = scene.first + pairs[at].other;
         let other = particles[j];
@@ -100,16 +100,16 @@ fn add_pair_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>
 
 // Returns how many surfaces the sub-particle has passed through.
 fn add_wall_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>) -> u32 {
-    let begin = i * dispatch.wall_capacity;
-    let end = begin + counts[i].walls;
-    for (var k = begin; k < end; k++) {
+    let begin = row(scene, dispatch.wall_capacity, i);
+    let end = begin + counts[i].walls * scene.count;
+    for (var k = begin; k < end; k += scene.count) {
         nearest_points[k] = wall_nearest_point(scene, walls[k].facet, me.position);
     }
     let passed = update_sides(scene, begin, end, me.velocity);
-    if end - begin > 1u {
+    if end - begin > scene.count {
         transfer_history(scene, begin, end);
     }
-    for (var k = begin; k < end; k++) {
+    for (var k = begin; k < end; k += scene.count) {
         let point = nearest_points[k];
         let law = law_of(scene, point.facet);
         var force = vec3(0.0);

@@ -3,33 +3,35 @@
 
 // Inserts an index into the row that starts at `base` with `count` entries, unless present. Returns the new
 // count, which may exceed the capacity.
-fn insert_pair(base: u32, count: u32, other: u32) -> u32 {
+fn insert_pair(scene: Scene, base: u32, count: u32, other: u32) -> u32 {
+    let stride = scene.count;
     var at = min(count, dispatch.pair_capacity);
-    while at > 0u && new_pairs[base + at - 1u].other > other {
+    while at > 0u && new_pairs[base + (at - 1u) * stride].other > other {
         at--;
     }
-    if at > 0u && new_pairs[base + at - 1u].other == other {
+    if at > 0u && new_pairs[base + (at - 1u) * stride].other == other {
         return count;
     }
     for (var k = min(count, dispatch.pair_capacity - 1u); k > at; k--) {
-        new_pairs[base + k].other = new_pairs[base + k - 1u].other;
+        new_pairs[base + k * stride].other = new_pairs[base + (k - 1u) * stride].other;
     }
     if at < dispatch.pair_capacity {
-        new_pairs[base + at].other = other;
+        new_pairs[base + at * stride].other = other;
     }
     return count + 1u;
 }
 
-fn insert_wall(base: u32, count: u32, facet: u32) -> u32 {
+fn insert_wall(scene: Scene, base: u32, count: u32, facet: u32) -> u32 {
+    let stride = scene.count;
     var at = min(count, dispatch.wall_capacity);
-    while at > 0u && new_walls[base + at - 1u].facet > facet {
+    while at > 0u && new_walls[base + (at - 1u) * stride].facet > facet {
         at--;
     }
     for (var k = min(count, dispatch.wall_capacity - 1u); k > at; k--) {
-        new_walls[base + k].facet = new_walls[base + k - 1u].facet;
+        new_walls[base + k * stride].facet = new_walls[base + (k - 1u) * stride].facet;
     }
     if at < dispatch.wall_capacity {
-        new_walls[base + at].facet = facet;
+        new_walls[base + at * stride].facet = facet;
     }
     return count + 1u;
 }
@@ -50,7 +52,7 @@ fn insert_near(scene: Scene, me: u32, x: vec3<i32>, base: u32, already: u32) -> 
             let d = between(scene.unit_m, scene.period_y, position, particles[other].position);
             let cutoff = select(scene.cutoff, scene.body_cutoff, particles[other].body != body);
             if other != me && dot3(d, d) <= cutoff * cutoff {
-                count = insert_pair(base, count, other - scene.first);
+                count = insert_pair(scene, base, count, other - scene.first);
             }
         }
     }
@@ -58,12 +60,12 @@ fn insert_near(scene: Scene, me: u32, x: vec3<i32>, base: u32, already: u32) -> 
 }
 
 fn build_pairs(scene: Scene, i: u32) -> u32 {
-    let base = i * dispatch.pair_capacity;
-    let known = base + counts[i].pairs;
+    let base = row(scene, dispatch.pair_capacity, i);
+    let known = base + counts[i].pairs * scene.count;
     var count = 0u;
-    for (var at = base; at < known; at++) {
+    for (var at = base; at < known; at += scene.count) {
         if (pairs[at].state & ~IN_CONTACT) != 0u {
-            count = insert_pair(base, count, pairs[at].other);
+            count = insert_pair(scene, base, count, pairs[at].other);
         }
     }
     let x = particles[i].position;
@@ -73,18 +75,19 @@ fn build_pairs(scene: Scene, i: u32) -> u32 {
         count = insert_near(scene, i, x - vec3(0, scene.period_y, 0), base, count);
     }
     var at = base;
-    for (var k = 0u; k < min(count, dispatch.pair_capacity); k++) {
-        let other = new_pairs[base + k].other;
+    let end = base + min(count, dispatch.pair_capacity) * scene.count;
+    for (var to = base; to < end; to += scene.count) {
+        let other = new_pairs[to].other;
         while at < known && pairs[at].other < other {
-            at++;
+            at += scene.count;
         }
         if at < known && pairs[at].other == other {
-            new_pairs[base + k] = pairs[at];
+            new_pairs[to] = pairs[at];
             if has_moments(scene) {
-                new_moments[moment_row(scene, i) + k] = moments[moment_row(scene, i) + at - base];
+                new_moments[moment_row(scene, i) + to - base] = moments[moment_row(scene, i) + at - base];
             }
         } else {
-            new_pairs[base + k] = Pair(vec3(0.0), other, vec3(0.0), 0u);
+            new_pairs[to] = Pair(vec3(0.0), other, vec3(0.0), 0u);
         }
     }
     return count;
@@ -93,7 +96,7 @@ fn build_pairs(scene: Scene, i: u32) -> u32 {
 // Depth of a centre beyond the facets that it has memories of, in metres: see walls/side.rs.
 fn depth_beyond(scene: Scene, begin: u32, end: u32, x: vec3<i32>) -> f32 {
     var depth = 0.0;
-    for (var k = begin; k < end; k++) {
+    for (var k = begin; k < end; k += scene.count) {
         if (walls[k].state & BEYOND) != 0u && facets[scene.first_facet + walls[k].facet].triangles != 0u {
             depth = max(depth, wall_nearest_point(scene, walls[k].facet, x).distance);
         }
@@ -102,8 +105,8 @@ fn depth_beyond(scene: Scene, begin: u32, end: u32, x: vec3<i32>) -> f32 {
 }
 
 fn build_walls(scene: Scene, i: u32) -> u32 {
-    let base = i * dispatch.wall_capacity;
-    let known = base + counts[i].walls;
+    let base = row(scene, dispatch.wall_capacity, i);
+    let known = base + counts[i].walls * scene.count;
     let x = particles[i].position;
     let depth = depth_beyond(scene, base, known, x);
     let range = scene.wall_cutoff - 2.0 * scene.half_skin;
@@ -135,21 +138,22 @@ fn build_walls(scene: Scene, i: u32) -> u32 {
                 let facet = facets[scene.first_facet + tree.first_facet + leaf];
                 let boxed = box_distance2(facet.low, facet.high, p) <= cutoff * cutoff;
                 if facet.triangles != 0u && boxed && length3(nearest_on_facet(scene, facet, p) - p) <= cutoff {
-                    count = insert_wall(base, count, tree.first_facet + leaf);
+                    count = insert_wall(scene, base, count, tree.first_facet + leaf);
                 }
             }
         }
     }
     var at = base;
-    for (var k = 0u; k < min(count, dispatch.wall_capacity); k++) {
-        let facet = new_walls[base + k].facet;
+    let end = base + min(count, dispatch.wall_capacity) * scene.count;
+    for (var to = base; to < end; to += scene.count) {
+        let facet = new_walls[to].facet;
         while at < known && walls[at].facet < facet {
-            at++;
+            at += scene.count;
         }
         if at < known && walls[at].facet == facet {
-            new_walls[base + k] = walls[at];
+            new_walls[to] = walls[at];
         } else {
-            new_walls[base + k] = WallPair(vec3(0.0), facet, vec3(0.0), 0u);
+            new_walls[to] = WallPair(vec3(0.0), facet, vec3(0.0), 0u);
         }
     }
     return count;
@@ -158,15 +162,16 @@ fn build_walls(scene: Scene, i: u32) -> u32 {
 // Copies the rows unchanged.
 fn copy_rows(scene: Scene, i: u32) {
     let count = counts[i];
-    let base = i * dispatch.pair_capacity;
+    let base = row(scene, dispatch.pair_capacity, i);
     new_counts[i] = count;
-    for (var at = base; at < base + count.pairs; at++) {
+    for (var at = base; at < base + count.pairs * scene.count; at += scene.count) {
         new_pairs[at] = pairs[at];
         if has_moments(scene) {
             new_moments[moment_row(scene, i) + at - base] = moments[moment_row(scene, i) + at - base];
         }
     }
-    for (var at = i * dispatch.wall_capacity; at < i * dispatch.wall_capacity + count.walls; at++) {
+    let begin = row(scene, dispatch.wall_capacity, i);
+    for (var at = begin; at < begin + count.walls * scene.count; at += scene.count) {
         new_walls[at] = walls[at];
     }
 }

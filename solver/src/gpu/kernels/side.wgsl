@@ -57,7 +57,7 @@ fn has_crossed(scene: Scene, begin: u32, end: u32, at: u32, velocity: vec3<f32>)
         return false;
     }
     let surface = surface_of(scene, point.facet);
-    for (var k = begin; k < end; k++) {
+    for (var k = begin; k < end; k += scene.count) {
         if surface_of(scene, nearest_points[k].facet) == surface && crosses(scene, nearest_points[k], moved) {
             return true;
         }
@@ -83,7 +83,7 @@ fn continues(scene: Scene, other: NearestPoint, to: NearestPoint) -> bool {
 fn inherited(scene: Scene, begin: u32, end: u32, at: u32, side: u32) -> u32 {
     let facet = nearest_points[at].facet;
     let surface = surface_of(scene, facet);
-    for (var k = begin; k < end; k++) {
+    for (var k = begin; k < end; k += scene.count) {
         let other = nearest_points[k].facet;
         if k == at || (walls[k].state & BEYOND) == 0u || surface_of(scene, other) != surface {
             continue;
@@ -131,7 +131,7 @@ fn over_rim(scene: Scene, begin: u32, end: u32, at: u32) -> u32 {
     let point = nearest_points[at];
     let surface = surface_of(scene, point.facet);
     var is_shared = false;
-    for (var k = begin; k < end; k++) {
+    for (var k = begin; k < end; k += scene.count) {
         let other = nearest_points[k].facet;
         if k == at || surface_of(scene, other) != surface {
             continue;
@@ -150,7 +150,7 @@ fn over_rim(scene: Scene, begin: u32, end: u32, at: u32) -> u32 {
 // was beyond.
 fn update_sides(scene: Scene, begin: u32, end: u32, velocity: vec3<f32>) -> u32 {
     var passed = 0u;
-    for (var k = begin; k < end; k++) {
+    for (var k = begin; k < end; k += scene.count) {
         var memory: u32;
         if (nearest_points[k].flags & OFF_FACET) != 0u {
             memory = over_rim(scene, begin, end, k);
@@ -163,7 +163,7 @@ fn update_sides(scene: Scene, begin: u32, end: u32, velocity: vec3<f32>) -> u32 
         }
         nearest_points[k].flags |= memory;
     }
-    for (var k = begin; k < end; k++) {
+    for (var k = begin; k < end; k += scene.count) {
         walls[k].state = (walls[k].state & ~SIDE_MEMORY) | (nearest_points[k].flags & SIDE_MEMORY);
     }
     return passed;

@@ -96,7 +96,7 @@ fn rank(scene: Scene, begin: u32, end: u32, at: u32) -> f32 {
     let surface = surface_of(scene, nearest_points[at].facet);
     let local = nearest_points[at].local;
     var least = nearest_points[at].distance;
-    for (var k = begin; k < end; k++) {
+    for (var k = begin; k < end; k += scene.count) {
         if surface_of(scene, nearest_points[k].facet) == surface && length3(nearest_points[k].local - local) < COINCIDENT_M {
             least = min(least, nearest_points[k].distance);
         }
@@ -142,7 +142,7 @@ fn contains_point(scene: Scene, facet: u32, point: NearestPoint) -> bool {
 fn superseded_by(scene: Scene, begin: u32, end: u32, at: u32) -> u32 {
     let point = nearest_points[at];
     let surface = surface_of(scene, point.facet);
-    for (var k = begin; k < end; k++) {
+    for (var k = begin; k < end; k += scene.count) {
         let is_other = k != at && surface_of(scene, nearest_points[k].facet) == surface;
         if is_other && precedes(scene, begin, end, k, at) && is_aligned_with(nearest_points[k], point) {
             return k;
@@ -151,7 +151,7 @@ fn superseded_by(scene: Scene, begin: u32, end: u32, at: u32) -> u32 {
     if (point.flags & ON_RIM) == 0u {
         return NONE;
     }
-    for (var k = begin; k < end; k++) {
+    for (var k = begin; k < end; k += scene.count) {
         let is_other = k != at && surface_of(scene, nearest_points[k].facet) == surface;
         if is_other && precedes(scene, begin, end, k, at) && contains_point(scene, nearest_points[k].facet, point) {
             return k;
@@ -163,13 +163,13 @@ fn superseded_by(scene: Scene, begin: u32, end: u32, at: u32) -> u32 {
 // Transfers the history of a facet that is now superseded to the facet that supersedes it: see
 // walls/contact.rs.
 fn transfer_history(scene: Scene, begin: u32, end: u32) {
-    for (var k = begin; k < end; k++) {
+    for (var k = begin; k < end; k += scene.count) {
         let is_out = (nearest_points[k].flags & BEYOND) == 0u && is_far(scene, nearest_points[k]);
         if (walls[k].state & IN_CONTACT) == 0u || is_out {
             continue;
         }
         var successor = k;
-        for (var links = begin + 1u; links < end; links++) {
+        for (var links = begin + scene.count; links < end; links += scene.count) {
             let next = superseded_by(scene, begin, end, successor);
             if next == NONE {
                 break;
