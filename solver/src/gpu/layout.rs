@@ -215,7 +215,7 @@ shared! {
         distance: f32,
         /// Velocity of the wall's material there, in m/s.
         velocity: [f32; 3],
-        /// [`ON_RIM`], [`OFF_FACET`], and the memory of the side as in [`WallPair`].
+        /// [`ON_RIM`], [`OFF_FACET`], the memory of the side as in [`WallPair`], and the number of the entry of its facet.
         flags: u32,
         /// The nearest point relative to the anchor, in the surface's own axes, in m.
         local: [f32; 3],
@@ -351,6 +351,9 @@ shared! {
 /// No step, no sub-particle.
 pub const NONE: u32 = u32::MAX;
 
+/// Maximum number of neighbours of a sub-particle. Without overlaps, 60 fit into the longest cutoff that scenarios allow.
+pub const MAX_NEIGHBOURS: u32 = 128;
+
 /// Flag in the state of a pair: the contact has formed and still holds.
 pub const IN_CONTACT: u32 = 1 << 31;
 
@@ -362,6 +365,9 @@ pub const ON_RIM: u32 = 8;
 
 /// Flag of a nearest point: the centre is not over the inside of the facet.
 pub const OFF_FACET: u32 = 16;
+
+/// Position of the number of the facet's entry in its row, in the flags of a nearest point.
+pub const ENTRY_SHIFT: u32 = 8;
 
 /// The number of a formulation.
 pub fn bond_model(model: BondModel) -> u32 {

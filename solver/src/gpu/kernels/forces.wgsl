@@ -98,12 +98,39 @@ fn add_pair_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>
     return stats;
 }
 
+// Writes the nearest points of a row of facets, from `begin` on: of every facet, or only of those that may act or remember
+// anything. Returns the index after the last one, or NONE if the others matter too.
+fn find_nearest_points(scene: Scene, begin: u32, facets: u32, me: Particle, every: bool) -> u32 {
+    // Far more than points that coincide differ in distance.
+    let margin = scene.radius / 16.0;
+    var end = begin;
+    for (var entry = 0u; entry < facets; entry++) {
+        let wall = begin + entry * scene.count;
+        let state = walls[wall].state;
+        var point = wall_nearest_point(scene, walls[wall].facet, me.position);
+        point.flags |= entry << ENTRY_SHIFT;
+        if !every && depends_on_others(scene, state, point, me.velocity) {
+            return NONE;
+        }
+        let reach = scene.radius + adhesion_range_of(law_of(scene, point.facet)) + margin;
+        if every || state != 0u || point.distance < reach {
+            nearest_points[end] = point;
+            end += scene.count;
+        }
+    }
+    return end;
+}
+
 // Returns how many surfaces the sub-particle has passed through.
 fn add_wall_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>) -> u32 {
     let begin = row(scene, dispatch.wall_capacity, i);
-    let end = begin + counts[i].walls * scene.count;
-    for (var k = begin; k < end; k += scene.count) {
-        nearest_points[k] = wall_nearest_point(scene, walls[k].facet, me.position);
+    let facets = counts[i].walls;
+    var end = find_nearest_points(scene, begin, facets, me, false);
+    if end == NONE {
+        end = find_nearest_points(scene, begin, facets, me, true);
+    }
+    if end == begin {
+        return 0u;
     }
     let passed = update_sides(scene, begin, end, me.velocity);
     if end - begin > scene.count {
@@ -111,9 +138,10 @@ fn add_wall_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>
     }
     for (var k = begin; k < end; k += scene.count) {
         let point = nearest_points[k];
+        let wall = wall_of(scene, begin, k);
         let law = law_of(scene, point.facet);
         var force = vec3(0.0);
-        var history = ContactHistory(walls[k].xi, (walls[k].state & IN_CONTACT) != 0u);
+        var history = ContactHistory(walls[wall].xi, (walls[wall].state & IN_CONTACT) != 0u);
         let is_out = (point.flags & BEYOND) == 0u && is_far(scene, point);
         if is_out || point.distance <= 0.0 || superseded_by(scene, begin, end, k) != NONE {
             history = ContactHistory(vec3(0.0), false);
@@ -129,8 +157,8 @@ fn add_wall_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>
                 add(load, force, point.to_wall, contact.tangential);
             }
         }
-        let state = (walls[k].state & SIDE_MEMORY) | select(0u, IN_CONTACT, history.in_contact);
-        walls[k] = WallPair(history.xi, point.facet, force, state);
+        let state = (walls[wall].state & SIDE_MEMORY) | select(0u, IN_CONTACT, history.in_contact);
+        walls[wall] = WallPair(history.xi, point.facet, force, state);
     }
     return passed;
 }

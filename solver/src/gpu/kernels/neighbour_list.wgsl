@@ -1,24 +1,26 @@
 // Neighbour lists with histories: twin of cpu/neighbour_list.rs. Rows are sorted by index. Histories of bonds
 // and contacts are carried over from the old rows.
 
-// Inserts an index into the row that starts at `base` with `count` entries, unless present. Returns the new
-// count, which may exceed the capacity.
-fn insert_pair(scene: Scene, base: u32, count: u32, other: u32) -> u32 {
-    let stride = scene.count;
-    var at = min(count, dispatch.pair_capacity);
-    while at > 0u && new_pairs[base + (at - 1u) * stride].other > other {
-        at--;
+// Neighbours of one sub-particle, in any order.
+alias Neighbours = array<u32, MAX_NEIGHBOURS>;
+
+fn contains(found: ptr<function, Neighbours>, count: u32, other: u32) -> bool {
+    for (var k = 0u; k < count; k++) {
+        if (*found)[k] == other {
+            return true;
+        }
     }
-    if at > 0u && new_pairs[base + (at - 1u) * stride].other == other {
-        return count;
+    return false;
+}
+
+// Number of neighbours below `other`: its place in the sorted row. Counting reads the same memory in all invocations side by
+// side. A row sorted by insertion took most of the time of a rebuild.
+fn place_of(found: ptr<function, Neighbours>, count: u32, other: u32) -> u32 {
+    var place = 0u;
+    for (var k = 0u; k < count; k++) {
+        place += select(0u, 1u, (*found)[k] < other);
     }
-    for (var k = min(count, dispatch.pair_capacity - 1u); k > at; k--) {
-        new_pairs[base + k * stride].other = new_pairs[base + (k - 1u) * stride].other;
-    }
-    if at < dispatch.pair_capacity {
-        new_pairs[base + at * stride].other = other;
-    }
-    return count + 1u;
+    return place;
 }
 
 fn insert_wall(scene: Scene, base: u32, count: u32, facet: u32) -> u32 {
@@ -36,9 +38,9 @@ fn insert_wall(scene: Scene, base: u32, count: u32, facet: u32) -> u32 {
     return count + 1u;
 }
 
-// Inserts the neighbours in the 27 cells around `x`: the position of sub-particle `me`, or a periodic image
-// of it.
-fn insert_near(scene: Scene, me: u32, x: vec3<i32>, base: u32, already: u32) -> u32 {
+// Finds the neighbours in the 27 cells around `x`: the position of sub-particle `me`, or a periodic image of it. Returns the
+// new count, which may exceed MAX_NEIGHBOURS.
+fn find_near(scene: Scene, me: u32, x: vec3<i32>, found: ptr<function, Neighbours>, already: u32) -> u32 {
     var count = already;
     let position = particles[me].position;
     let body = particles[me].body;
@@ -51,9 +53,18 @@ fn insert_near(scene: Scene, me: u32, x: vec3<i32>, base: u32, already: u32) -> 
             next = chain[other];
             let d = between(scene.unit_m, scene.period_y, position, particles[other].position);
             let cutoff = select(scene.cutoff, scene.body_cutoff, particles[other].body != body);
-            if other != me && dot3(d, d) <= cutoff * cutoff {
-                count = insert_pair(scene, base, count, other - scene.first);
+            if other == me || dot3(d, d) > cutoff * cutoff {
+                continue;
             }
+            // A periodic image may share cells with the position itself.
+            let number = other - scene.first;
+            if already > 0u && contains(found, min(already, MAX_NEIGHBOURS), number) {
+                continue;
+            }
+            if count < MAX_NEIGHBOURS {
+                (*found)[count] = number;
+            }
+            count++;
         }
     }
     return count;
@@ -62,32 +73,39 @@ fn insert_near(scene: Scene, me: u32, x: vec3<i32>, base: u32, already: u32) -> 
 fn build_pairs(scene: Scene, i: u32) -> u32 {
     let base = row(scene, dispatch.pair_capacity, i);
     let known = base + counts[i].pairs * scene.count;
-    var count = 0u;
-    for (var at = base; at < known; at += scene.count) {
-        if (pairs[at].state & ~IN_CONTACT) != 0u {
-            count = insert_pair(scene, base, count, pairs[at].other);
-        }
-    }
     let x = particles[i].position;
-    count = insert_near(scene, i, x, base, count);
+    var found: Neighbours;
+    var count = find_near(scene, i, x, &found, 0u);
     if scene.period_y != 0 {
-        count = insert_near(scene, i, x + vec3(0, scene.period_y, 0), base, count);
-        count = insert_near(scene, i, x - vec3(0, scene.period_y, 0), base, count);
+        count = find_near(scene, i, x + vec3(0, scene.period_y, 0), &found, count);
+        count = find_near(scene, i, x - vec3(0, scene.period_y, 0), &found, count);
     }
-    var at = base;
-    let end = base + min(count, dispatch.pair_capacity) * scene.count;
-    for (var to = base; to < end; to += scene.count) {
-        let other = new_pairs[to].other;
-        while at < known && pairs[at].other < other {
-            at += scene.count;
-        }
-        if at < known && pairs[at].other == other {
-            new_pairs[to] = pairs[at];
-            if has_moments(scene) {
-                new_moments[moment_row(scene, i) + to - base] = moments[moment_row(scene, i) + at - base];
+    // A bond holds beyond the cutoff.
+    for (var at = base; at < known; at += scene.count) {
+        let other = pairs[at].other;
+        let is_bonded = (pairs[at].state & ~IN_CONTACT) != 0u;
+        if is_bonded && !contains(&found, min(count, MAX_NEIGHBOURS), other) {
+            if count < MAX_NEIGHBOURS {
+                found[count] = other;
             }
-        } else {
-            new_pairs[to] = Pair(vec3(0.0), other, vec3(0.0), 0u);
+            count++;
+        }
+    }
+    let fitting = min(count, min(dispatch.pair_capacity, MAX_NEIGHBOURS));
+    for (var k = 0u; k < fitting; k++) {
+        let to = base + place_of(&found, fitting, found[k]) * scene.count;
+        new_pairs[to] = Pair(vec3(0.0), found[k], vec3(0.0), 0u);
+    }
+    // Without a state a pair has no history.
+    for (var at = base; at < known; at += scene.count) {
+        let pair = pairs[at];
+        if pair.state != 0u && contains(&found, fitting, pair.other) {
+            let to = base + place_of(&found, fitting, pair.other) * scene.count;
+            new_pairs[to] = pair;
+            if has_moments(scene) {
+                let row = moment_row(scene, i) - base;
+                new_moments[row + to] = moments[row + at];
+            }
         }
     }
     return count;
@@ -197,7 +215,7 @@ fn neighbour_list(
     let wall_count = build_walls(scene, i);
     new_counts[i] = Count(min(pair_count, dispatch.pair_capacity), min(wall_count, dispatch.wall_capacity));
     // A row that is too short ends the chunk, which is repeated with longer rows.
-    if pair_count > dispatch.pair_capacity {
+    if pair_count > min(dispatch.pair_capacity, MAX_NEIGHBOURS) {
         atomicMax(&reports[run].pairs, pair_count);
     }
     if wall_count > dispatch.wall_capacity {

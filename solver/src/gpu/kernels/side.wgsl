@@ -1,6 +1,5 @@
-// The side of a facet from which a sub-particle touches it: twin of walls/side.rs. Memories are in the state of wall
-// pairs, `walls[k]`; the nearest points of the same facets are `nearest_points[k]`. Rows are rebuilt when a surface disappears,
-// so that none holds its facets.
+// The side of a facet from which a sub-particle touches it: twin of walls/side.rs. Memories are in the states of wall
+// pairs. Rows are rebuilt when a surface disappears, so that none holds its facets.
 
 const BOTH_SIDES: u32 = FROM_ABOVE | FROM_BELOW;
 const SIDE_MEMORY: u32 = BOTH_SIDES | BEYOND;
@@ -85,10 +84,11 @@ fn inherited(scene: Scene, begin: u32, end: u32, at: u32, side: u32) -> u32 {
     let surface = surface_of(scene, facet);
     for (var k = begin; k < end; k += scene.count) {
         let other = nearest_points[k].facet;
-        if k == at || (walls[k].state & BEYOND) == 0u || surface_of(scene, other) != surface {
+        let state = walls[wall_of(scene, begin, k)].state;
+        if k == at || (state & BEYOND) == 0u || surface_of(scene, other) != surface {
             continue;
         }
-        let origin = walls[k].state & BOTH_SIDES;
+        let origin = state & BOTH_SIDES;
         if continues(scene, nearest_points[k], nearest_points[at]) {
             return select(origin, BOTH_SIDES ^ origin, alignment(scene, other, facet) < 0.0);
         }
@@ -101,7 +101,7 @@ fn inherited(scene: Scene, begin: u32, end: u32, at: u32, side: u32) -> u32 {
 
 // The new memory of facet `at`, with the centre over its inside.
 fn over_inside(scene: Scene, begin: u32, end: u32, at: u32, velocity: vec3<f32>) -> u32 {
-    let memory = walls[at].state & SIDE_MEMORY;
+    let memory = walls[wall_of(scene, begin, at)].state & SIDE_MEMORY;
     let side = side_of(nearest_points[at].height);
     if side == 0u {
         return memory;
@@ -124,7 +124,7 @@ fn over_inside(scene: Scene, begin: u32, end: u32, at: u32, velocity: vec3<f32>)
 
 // The new memory of facet `at`, with the centre beside it; NONE if it ends at a free rim.
 fn over_rim(scene: Scene, begin: u32, end: u32, at: u32) -> u32 {
-    let memory = walls[at].state & SIDE_MEMORY;
+    let memory = walls[wall_of(scene, begin, at)].state & SIDE_MEMORY;
     if (memory & BEYOND) == 0u {
         return 0u;
     }
@@ -146,6 +146,15 @@ fn over_rim(scene: Scene, begin: u32, end: u32, at: u32) -> u32 {
     return select(NONE, memory, is_shared);
 }
 
+// Whether the memory of a facet, from its state, may depend on other facets of the row.
+fn depends_on_others(scene: Scene, state: u32, point: NearestPoint, velocity: vec3<f32>) -> bool {
+    if (state & BEYOND) != 0u {
+        return true;
+    }
+    let begins = (point.flags & OFF_FACET) == 0u && (state & BOTH_SIDES) == 0u;
+    return begins && changes_sides(scene, point, relative_motion(scene, point, velocity));
+}
+
 // Updates the memories of a row, in `walls` and `nearest_points`. Returns how many ended at a free rim while the centre
 // was beyond.
 fn update_sides(scene: Scene, begin: u32, end: u32, velocity: vec3<f32>) -> u32 {
@@ -164,7 +173,8 @@ fn update_sides(scene: Scene, begin: u32, end: u32, velocity: vec3<f32>) -> u32 
         nearest_points[k].flags |= memory;
     }
     for (var k = begin; k < end; k += scene.count) {
-        walls[k].state = (walls[k].state & ~SIDE_MEMORY) | (nearest_points[k].flags & SIDE_MEMORY);
+        let wall = wall_of(scene, begin, k);
+        walls[wall].state = (walls[wall].state & ~SIDE_MEMORY) | (nearest_points[k].flags & SIDE_MEMORY);
     }
     return passed;
 }

@@ -71,6 +71,11 @@ fn wall_nearest_point(scene: Scene, facet_number: u32, x: vec3<i32>) -> NearestP
     );
 }
 
+// Index in `walls` of the facet of point `at`, in the row that starts at `begin`.
+fn wall_of(scene: Scene, begin: u32, at: u32) -> u32 {
+    return begin + (nearest_points[at].flags >> ENTRY_SHIFT) * scene.count;
+}
+
 fn pose_of(scene: Scene, surface: u32) -> Pose {
     return poses[scene.first_pose + dispatch.step * scene.pose_stride + surface];
 }
@@ -165,7 +170,8 @@ fn superseded_by(scene: Scene, begin: u32, end: u32, at: u32) -> u32 {
 fn transfer_history(scene: Scene, begin: u32, end: u32) {
     for (var k = begin; k < end; k += scene.count) {
         let is_out = (nearest_points[k].flags & BEYOND) == 0u && is_far(scene, nearest_points[k]);
-        if (walls[k].state & IN_CONTACT) == 0u || is_out {
+        let wall = wall_of(scene, begin, k);
+        if (walls[wall].state & IN_CONTACT) == 0u || is_out {
             continue;
         }
         var successor = k;
@@ -177,12 +183,13 @@ fn transfer_history(scene: Scene, begin: u32, end: u32) {
             successor = next;
         }
         if successor != k {
-            if (walls[successor].state & IN_CONTACT) == 0u {
-                walls[successor].xi = walls[k].xi;
-                walls[successor].state |= IN_CONTACT;
+            let to = wall_of(scene, begin, successor);
+            if (walls[to].state & IN_CONTACT) == 0u {
+                walls[to].xi = walls[wall].xi;
+                walls[to].state |= IN_CONTACT;
             }
-            walls[k].xi = vec3(0.0);
-            walls[k].state &= ~IN_CONTACT;
+            walls[wall].xi = vec3(0.0);
+            walls[wall].state &= ~IN_CONTACT;
         }
     }
 }
