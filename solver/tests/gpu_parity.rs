@@ -266,18 +266,15 @@ fn planted_errors_in_every_gpu_stage_are_detected() {
     // File, what stands there, what is planted.
     let planted = [
         ("cell_list", "vec3(0x80000000u)) / scene.cell", "vec3(0x80000000u)) / (scene.cell / 2u)"),
-        ("neighbour_list", "<= cutoff * cutoff", "<= 0.7 * cutoff * cutoff"),
-        (
-            "neighbour_list",
-            "new_pairs[base + k] = pairs[at];",
-            "new_pairs[base + k].state = pairs[at].state;",
-        ),
+        ("neighbour_list", "> cutoff * cutoff", "> 0.7 * cutoff * cutoff"),
+        ("neighbour_list", "new_pairs[to] = pair;", "new_pairs[to].state = pair.state;"),
+        ("neighbour_list", "(*found)[k] < other", "(*found)[k] > other"),
         ("neighbour_list", "atomicMax(&reports[run].walls, wall_count);", ""),
         ("forces", "me.mass * other.mass / (me.mass + other.mass)", "me.mass * 0.500001"),
-        ("forces", "select(0u, 1u, i < j)", "1u"),
+        ("forces", "select(0u, 1u, pair.other > i - scene.first)", "1u"),
         ("forces", "other.body != me.body", "false"),
         ("forces", "(*load).torque += torque;", "(*load).torque -= torque;"),
-        ("neighbour_list", "moment_row(scene, i) + at - base", "moment_row(scene, i) + k"),
+        ("neighbour_list", "= moments[row + at];", "= moments[row + to];"),
         ("walls", "return k;", "return NONE;"),
         ("walls", "pose.velocity + cross3", "cross3"),
         ("step", "if me.held == 0u {", "if true {"),

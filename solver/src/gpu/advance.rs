@@ -48,6 +48,16 @@ impl Task {
         u64::from(self.run.buffers.elements.particles)
     }
 
+    /// Whether the next chunk is its last.
+    fn is_last_chunk(&self) -> bool {
+        self.done.steps + self.next() == self.steps
+    }
+
+    /// Where to send what observers read, after the last chunk.
+    fn read_back(&self) -> Option<&wgpu::Buffer> {
+        self.run.staging.as_ref().filter(|_| self.is_last_chunk())
+    }
+
     /// Its element counts for a chunk.
     fn elements(&self) -> ElementCounts {
         let poses = if self.run.moves() { self.next() as u32 } else { 1 };
@@ -126,8 +136,12 @@ pub(super) fn chunk(
         } else if reports.iter().any(|report| report.stale.0 != 0) {
             tasks.iter_mut().for_each(|task| task.run.interval = (interval / 2).max(1));
         } else {
-            arena.unload(device, &all_buffers, longest, interval);
+            let last = tasks.iter_mut().filter(|task| task.is_last_chunk());
+            last.for_each(|task| task.run.make_staging(device));
+            let runs: Vec<_> = tasks.iter().map(|task| (&task.run.buffers, task.read_back())).collect();
+            let submitted = arena.unload(device, &runs, longest, interval);
             for (task, report) in tasks.iter_mut().zip(&reports) {
+                task.run.read_back = Some(submitted.clone()).filter(|_| task.is_last_chunk());
                 let drift = f32::from_bits(report.drift.0);
                 task.run.interval =
                     next_interval(interval, task.run.interval, drift, task.run.scene.half_skin);
@@ -136,6 +150,21 @@ pub(super) fn chunk(
             return Ok(took);
         }
     }
+}
+
+/// Removes sub-particles from a run: `map` holds the new index of each, or [`NONE`].
+pub(super) fn remove(
+    device: &Device,
+    pipelines: &Pipelines,
+    arena: &mut Option<Arena>,
+    run: Box<Run>,
+    map: &[u32],
+) -> Result<Box<Run>, OutOfDeviceMemory> {
+    let mut task = Task { run, steps: 0, max_steps: 0, done: AdvanceReport::default() };
+    let (inputs, row_capacity) = (inputs(&mut [&mut task]), task.run.buffers.row_capacity);
+    let arena = ensure_arena(device, pipelines, arena, task.elements(), row_capacity)?;
+    arena.remove(device, pipelines, &mut task.run.buffers, &inputs, map);
+    Ok(task.run)
 }
 
 /// Rebuild interval after a `drift` within `interval` steps. It aims at most of half the skin. It is at most

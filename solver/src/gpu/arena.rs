@@ -4,7 +4,7 @@
 use wgpu::{BindGroup, CommandEncoder};
 
 use super::device::Device;
-use super::layout::{DispatchParams, NearestPoint, Pose, PrivateState, Report, Scene};
+use super::layout::{DispatchParams, NONE, NearestPoint, Pose, PrivateState, Report, Scene};
 use super::memory_budget::{Buffer, buffers, bytes_of};
 use super::neighbour_list::RowCapacity;
 use super::pipelines::{Kernel, Pipelines};
@@ -32,11 +32,12 @@ pub(super) struct Arena {
     new_moments: Buffer,
     scene_of: Buffer,
     heads: Buffer,
+    chain: Buffer,
     scenes: Buffer,
     poses: Buffer,
     reports: Buffer,
     /// Buffers that are only bound.
-    _others: [Buffer; 3],
+    _others: [Buffer; 2],
     scene_group: BindGroup,
     /// By the buffer that holds the current sub-particles.
     particle_groups: [BindGroup; 2],
@@ -126,10 +127,11 @@ impl Arena {
             new_moments,
             scene_of,
             heads,
+            chain,
             scenes,
             poses,
             reports,
-            _others: [nearest_points, reference, chain],
+            _others: [nearest_points, reference],
         })
     }
 
@@ -195,6 +197,7 @@ impl Arena {
             count,
             pair_capacity: self.row_capacity.pairs,
             wall_capacity: self.row_capacity.walls,
+            kept: 0,
         };
         for first in (0..steps).step_by(interval as usize) {
             encoder.clear_buffer(&self.heads, 0, None);
@@ -216,8 +219,48 @@ impl Arena {
         bytemuck::pod_collect_to_vec(&bytes)
     }
 
-    /// Copies the changed data back to the runs.
-    pub(super) fn unload(&self, device: &Device, all_buffers: &[&RunBuffers], steps: u32, interval: u32) {
+    /// Removes sub-particles from the rows of a run: `map` holds the new index of each, or [`NONE`].
+    pub(super) fn remove(
+        &self,
+        device: &Device,
+        pipelines: &Pipelines,
+        buffers: &mut RunBuffers,
+        inputs: &BatchInputs,
+        map: &[u32],
+    ) {
+        let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        self.load(device, &mut encoder, &[buffers], inputs);
+        device.queue.write_buffer(&self.chain, 0, bytemuck::cast_slice(map));
+        let kept = map.iter().filter(|&&to| to != NONE).count() as u32;
+        let RowCapacity { pairs: pair_capacity, walls: wall_capacity } = self.row_capacity;
+        let dispatch = DispatchParams { step: 0, count: map.len() as u32, pair_capacity, wall_capacity, kept };
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_bind_group(0, &self.scene_group, &[]);
+        pass.set_bind_group(1, &self.particle_groups[0], &[]);
+        pass.set_bind_group(2, &self.list_groups[0], &[]);
+        pipelines.run(&mut pass, Kernel::Remove, &dispatch);
+        drop(pass);
+        buffers.keep(kept);
+        let rows = [
+            (RunBuffer::Counts, &self.new_counts),
+            (RunBuffer::Pairs, &self.new_pairs),
+            (RunBuffer::Moments, &self.new_moments),
+            (RunBuffer::Walls, &self.new_walls),
+        ];
+        for (part, from) in rows {
+            copy(&mut encoder, from, 0, buffers.buffer(part), 0, buffers.bytes(part));
+        }
+        device.queue.submit([encoder.finish()]);
+    }
+
+    /// Copies the changed data back to the runs, and what observers read of it to the buffer beside some of them.
+    pub(super) fn unload(
+        &self,
+        device: &Device,
+        runs: &[(&RunBuffers, Option<&wgpu::Buffer>)],
+        steps: u32,
+        interval: u32,
+    ) -> wgpu::SubmissionIndex {
         let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let is_turned = steps.div_ceil(interval) % 2 == 1;
         for part in RunBuffer::CHANGING {
@@ -230,16 +273,27 @@ impl Arena {
                 _ => &self.parts[part as usize],
             };
             let mut at = 0;
-            for buffers in all_buffers {
-                copy(&mut encoder, from, at, buffers.buffer(part), 0, buffers.bytes(part));
-                at += buffers.bytes(part);
+            for (buffers, read_back) in runs {
+                let bytes = buffers.bytes(part);
+                copy(&mut encoder, from, at, buffers.buffer(part), 0, bytes);
+                if let Some((to, to_at)) = read_back.zip(buffers.observed_at(part)) {
+                    copy(&mut encoder, from, at, to, to_at, bytes);
+                }
+                at += bytes;
             }
         }
-        device.queue.submit([encoder.finish()]);
+        device.queue.submit([encoder.finish()])
     }
 }
 
-fn copy(encoder: &mut CommandEncoder, from: &Buffer, at: u64, to: &Buffer, to_at: u64, bytes: u64) {
+fn copy(
+    encoder: &mut CommandEncoder,
+    from: &wgpu::Buffer,
+    at: u64,
+    to: &wgpu::Buffer,
+    to_at: u64,
+    bytes: u64,
+) {
     if bytes > 0 {
         encoder.copy_buffer_to_buffer(from, at, to, to_at, bytes);
     }

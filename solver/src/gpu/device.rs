@@ -234,12 +234,7 @@ impl Device {
         if sum == 0 {
             return parts.map(|_| Vec::new());
         }
-        let staging = self.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("read back"),
-            size: sum,
-            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
+        let staging = self.staging(sum);
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let mut at = 0;
         for (buffer, from, bytes) in parts.into_iter().filter(|(_, _, bytes)| *bytes > 0) {
@@ -247,12 +242,36 @@ impl Device {
             at += bytes;
         }
         let submitted = self.queue.submit([encoder.finish()]);
+        self.with_mapped(&staging, submitted, |mut rest| {
+            parts.map(|(_, _, bytes)| rest.split_off(..bytes as usize).expect("it was copied").to_vec())
+        })
+    }
+
+    /// Calls `read` with the content of a buffer for reading back, after this submission.
+    pub(super) fn with_mapped<T>(
+        &self,
+        staging: &wgpu::Buffer,
+        submitted: wgpu::SubmissionIndex,
+        read: impl FnOnce(&[u8]) -> T,
+    ) -> T {
         staging.map_async(wgpu::MapMode::Read, .., |_| {});
         let wait = wgpu::PollType::Wait { submission_index: Some(submitted), timeout: None };
         self.device.poll(wait).expect("the device answers");
         let mapped = staging.get_mapped_range(..).expect("mapped");
-        let mut rest = &mapped[..];
-        parts.map(|(_, _, bytes)| rest.split_off(..bytes as usize).expect("it was copied").to_vec())
+        let value = read(&mapped);
+        drop(mapped);
+        staging.unmap();
+        value
+    }
+
+    /// A buffer to read back into.
+    pub(super) fn staging(&self, bytes: u64) -> wgpu::Buffer {
+        self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("read back"),
+            size: bytes,
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        })
     }
 
     /// Memory bandwidth of a copy on the device, in bytes read and written per second.

@@ -8,7 +8,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{self, JoinHandle};
 
-use super::advance::{MAX_CHUNK_STEPS, Task, chunk, runs_that_fit};
+use super::advance::{MAX_CHUNK_STEPS, Task, chunk, remove, runs_that_fit};
 use super::arena::Arena;
 use super::device::Device;
 use super::pipelines::Pipelines;
@@ -51,6 +51,8 @@ struct Request {
 enum Command {
     /// Advance runs.
     Advance(Vec<Request>),
+    /// Remove sub-particles from a run.
+    Remove(Box<Run>, Vec<u32>, Sender<Result<Box<Run>, OutOfDeviceMemory>>),
     /// Create the buffers of a run.
     CreateBuffers(Box<RunContents>, Sender<Result<RunBuffers, OutOfDeviceMemory>>),
 }
@@ -97,6 +99,18 @@ impl Driver {
         let (reply, answer) = channel();
         self.command(Command::CreateBuffers(Box::new(contents), reply));
         answer.recv().expect(DEVICE_FAILED)
+    }
+
+    /// Removes sub-particles from the rows of a run: `map` holds the new index of each, or
+    /// [`super::layout::NONE`].
+    ///
+    /// # Panics
+    /// When the device has failed.
+    pub(super) fn remove(&self, run: &mut GpuRun, map: Vec<u32>) -> Result<(), OutOfDeviceMemory> {
+        let (reply, answer) = channel();
+        self.command(Command::Remove(run.0.take().expect("it was not lost"), map, reply));
+        run.0 = Some(answer.recv().expect(DEVICE_FAILED)?);
+        Ok(())
     }
 
     /// Advances each run by its number of steps. Unwinds with [`OutOfDeviceMemory`] after all runs that fit
@@ -176,6 +190,11 @@ impl Batcher {
         for command in commands {
             match command {
                 Command::Advance(requests) => self.waiting.extend(requests),
+                Command::Remove(run, map, reply) => {
+                    let removed = remove(&self.device, &self.pipelines, &mut self.arena, run, &map);
+                    // The caller may be gone.
+                    let _ = reply.send(removed);
+                }
                 Command::CreateBuffers(contents, reply) => {
                     let made = catch_unwind(AssertUnwindSafe(|| self.create_buffers(&contents)));
                     let made = made.unwrap_or_else(|panic| {

@@ -345,6 +345,8 @@ shared! {
         pair_capacity: u32,
         /// Capacity of a row of facets.
         wall_capacity: u32,
+        /// Sub-particles that stay, in a removal.
+        kept: u32,
     }
 }
 

@@ -145,7 +145,9 @@ impl Backend for Gpu {
     }
 
     fn remove(&self, run: &mut GpuRun, serials: &[u32]) {
-        run.get().remove(&self.device, serials);
+        let map = run.get().forget(&self.device, serials);
+        self.driver.remove(run, map).unwrap_or_else(|out_of_memory| unwind(out_of_memory));
+        run.get().write_state(&self.device);
     }
 
     fn save(&self, run: &mut GpuRun) -> SavedRun {

@@ -177,21 +177,6 @@ impl Rows {
         Self::of(row_capacity, !self.moments.is_empty(), rows)
     }
 
-    /// Renumbers after a removal: `map` holds the new index of each sub-particle, or `u32::MAX`.
-    pub(super) fn remove(&self, map: &[u32]) -> Self {
-        let stays = |pair: &&Pair| map[pair.other as usize] != u32::MAX;
-        let renumbered = |pair: &Pair| Pair { other: map[pair.other as usize], ..*pair };
-        let row = |i: usize| {
-            let pairs: Vec<Pair> = self.pairs(i).iter().filter(stays).map(renumbered).collect();
-            let moments = self.pairs(i).iter().zip(self.moments(i)).filter(|(pair, _)| stays(pair));
-            let moments: Vec<Moment> = moments.map(|(_, moment)| *moment).collect();
-            (pairs, moments, self.walls(i))
-        };
-        let rows: Vec<_> = (0..map.len()).filter(|&i| map[i] != u32::MAX).map(row).collect();
-        let rows = rows.iter().map(|(pairs, moments, walls)| (pairs.as_slice(), moments.as_slice(), *walls));
-        Self::of(self.row_capacity, !self.moments.is_empty(), rows)
-    }
-
     /// Intact bonds, as pairs of indices, the lower one first, ascending.
     pub(super) fn bonds(&self) -> impl Iterator<Item = [usize; 2]> {
         let row = |i: usize| self.pairs(i).iter().map(move |pair| (i, pair));

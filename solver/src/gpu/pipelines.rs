@@ -29,7 +29,7 @@ pub(super) const STORAGE_BUFFERS: u32 = (WRITABLE[0].len() + WRITABLE[1].len() +
 /// Size of the constants of a dispatch, in bytes.
 const IMMEDIATE_BYTES: u32 = size_of::<DispatchParams>() as u32;
 
-/// The kernels of a step, in their order.
+/// The kernels: those of a step in their order, then the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kernel {
     /// Build the cell list.
@@ -38,13 +38,15 @@ pub(super) enum Kernel {
     NeighbourList,
     /// Forces and integration.
     Step,
+    /// Removal of sub-particles.
+    Remove,
 }
 
 /// The kernels on a device.
 #[derive(Debug)]
 pub(super) struct Pipelines {
     layouts: Vec<BindGroupLayout>,
-    kernels: [ComputePipeline; 3],
+    kernels: [ComputePipeline; 4],
 }
 
 impl Pipelines {
@@ -82,7 +84,7 @@ impl Pipelines {
             label: Some("roost"),
             source: wgpu::ShaderSource::Wgsl(source.text("").into()),
         });
-        let kernels = ["cell_list", "neighbour_list", "step"].map(|name| {
+        let kernels = ["cell_list", "neighbour_list", "step", "remove"].map(|name| {
             device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(name),
                 layout: Some(&layout),

@@ -1,10 +1,9 @@
 //! One run: its buffers on the device, its data in main memory, and access for observers.
 
-use bytemuck::pod_collect_to_vec;
 use glam::{IVec3, UVec3, Vec3};
 
 use super::device::Device;
-use super::layout::{Count, Moments, Particle, Pose, PrivateState, Scene, WallPair};
+use super::layout::{Count, Moments, NONE, Particle, Pose, PrivateState, Scene, WallPair};
 use super::neighbour_list::Rows;
 use super::run_buffers::{ElementCounts, RunBuffer, RunBuffers, RunContents};
 use super::walls::{Geometry, poses};
@@ -55,12 +54,32 @@ pub(super) struct Run {
     pub(super) start_step: Option<u64>,
     pub(super) speed_limit: f32,
     pub(super) bonds_broken: u64,
+    /// Buffer to read back into, and the submission after which it has what observers read.
+    pub(super) staging: Option<wgpu::Buffer>,
+    pub(super) read_back: Option<wgpu::SubmissionIndex>,
     walls: Walls,
     dt: f64,
     state: State,
-    surface_loads: Vec<SurfaceLoad>,
-    /// Whether `state` and `surface_loads` are those of the device.
+    touches: Vec<Touch>,
+    /// Whether `state` and `touches` are those of the device.
     is_read: bool,
+}
+
+/// A contact with a facet in the last step.
+#[derive(Clone, Copy, Debug)]
+struct Touch {
+    particle: usize,
+    facet: u32,
+    /// On the sub-particle, in N.
+    force: Vec3,
+}
+
+impl Touch {
+    /// The contact of a sub-particle with a facet near it, if it bore a force.
+    fn of(particle: usize, wall: &WallPair) -> Option<Self> {
+        let force = Vec3::from(wall.force);
+        (force != Vec3::ZERO).then_some(Self { particle, facet: wall.facet, force })
+    }
 }
 
 impl Run {
@@ -124,7 +143,9 @@ impl Run {
             start_step: None,
             speed_limit: scene.speed_limit_m_s as f32,
             bonds_broken: 0,
-            surface_loads: vec![SurfaceLoad::default(); walls.surface_count()],
+            staging: None,
+            read_back: None,
+            touches: Vec::new(),
             walls,
             dt: scene.timestep_s,
             state,
@@ -134,7 +155,7 @@ impl Run {
         Ok(run)
     }
 
-    fn write_state(&self, device: &Device) {
+    pub(super) fn write_state(&self, device: &Device) {
         let state = &self.state;
         let particles = state.particles.iter().zip(&state.masses).zip(&state.held).zip(&state.bodies);
         let particles: Vec<Particle> = particles
@@ -161,47 +182,59 @@ impl Run {
         &self.state
     }
 
-    /// Load on each surface in the last step.
+    /// Load on each surface in the last step, summed in the order of the plain path. Contacts without a force add nothing.
     pub(super) fn surface_loads(&mut self, device: &Device) -> Vec<SurfaceLoad> {
         self.read(device);
-        self.surface_loads.clone()
+        let contact = |touch: &Touch| (self.state.particles[touch.particle], touch.facet, touch.force);
+        self.walls.loads(&self.state.frame, self.dt as f32, self.touches.iter().map(contact))
     }
 
-    /// Reads the data for observers, unless it is current. One transfer for all: other runs may keep the
-    /// device busy.
-    fn read(&mut self, device: &Device) {
-        if !self.is_read {
-            let parts = [RunBuffer::Particles, RunBuffer::PrivateState, RunBuffer::Counts, RunBuffer::Walls];
-            let [particles, own, counts, walls] = self.buffers.read(device, parts);
-            let particles: Vec<Particle> = pod_collect_to_vec(&particles);
-            let own: Vec<PrivateState> = pod_collect_to_vec(&own);
-            for (to, from) in self.state.particles.iter_mut().zip(&particles) {
-                to.position = IVec3::from(from.position);
-                to.velocity = Vec3::from(from.velocity);
-                to.spin = Vec3::from(from.spin);
-            }
-            for (k, own) in own.iter().enumerate() {
-                self.state.remainders[k] = Vec3::from(own.remainder);
-                self.state.broken[k] = own.broken;
-            }
-            self.state.bonds_broken = self.bonds_broken;
-            let (counts, walls): (Vec<Count>, Vec<WallPair>) =
-                (pod_collect_to_vec(&counts), pod_collect_to_vec(&walls));
-            let near = |i: usize| walls[i..].iter().step_by(counts.len()).take(counts[i].walls as usize);
-            self.surface_loads = self.loads(near);
-            self.is_read = true;
+    /// Makes a buffer to read back into, unless it has one.
+    pub(super) fn make_staging(&mut self, device: &Device) {
+        let bytes = self.buffers.observed_bytes();
+        if self.staging.as_ref().is_none_or(|staging| staging.size() < bytes) {
+            self.staging = Some(device.staging(bytes));
         }
     }
 
-    /// Load on each surface, summed in the order of the plain path.
-    fn loads<'a, Near: Iterator<Item = &'a WallPair>>(
-        &self,
-        near: impl Fn(usize) -> Near,
-    ) -> Vec<SurfaceLoad> {
-        let contacts = self.state.particles.iter().enumerate().flat_map(|(i, particle)| {
-            near(i).map(|wall| (*particle, wall.facet, Vec3::from(wall.force)))
+    /// Reads the data for observers, unless it is current. The last chunk has sent them on their way: a transfer of its own
+    /// would wait for the chunks of other runs.
+    fn read(&mut self, device: &Device) {
+        if std::mem::replace(&mut self.is_read, true) || self.buffers.observed_bytes() == 0 {
+            return;
+        }
+        let submitted = self.read_back.take();
+        self.make_staging(device);
+        let staging = self.staging.take().expect("it was made");
+        let submitted = submitted.unwrap_or_else(|| self.buffers.read_back(device, &staging));
+        let sizes = RunBuffer::OBSERVED.map(|part| self.buffers.bytes(part) as usize);
+        device.with_mapped(&staging, submitted, |mut rest| {
+            self.take_in(sizes.map(|bytes| rest.split_off(..bytes).expect("it was copied")));
         });
-        self.walls.loads(&self.state.frame, self.dt as f32, contacts)
+        self.staging = Some(staging);
+    }
+
+    /// Takes in the bytes of the buffers that observers read.
+    fn take_in(&mut self, [particles, own, counts, walls]: [&[u8]; 4]) {
+        let particles: &[Particle] = bytemuck::cast_slice(particles);
+        let own: &[PrivateState] = bytemuck::cast_slice(own);
+        let (counts, walls): (&[Count], &[WallPair]) =
+            (bytemuck::cast_slice(counts), bytemuck::cast_slice(walls));
+        for (to, from) in self.state.particles.iter_mut().zip(particles) {
+            to.position = IVec3::from(from.position);
+            to.velocity = Vec3::from(from.velocity);
+            to.spin = Vec3::from(from.spin);
+        }
+        for (k, own) in own.iter().enumerate() {
+            self.state.remainders[k] = Vec3::from(own.remainder);
+            self.state.broken[k] = own.broken;
+        }
+        self.state.bonds_broken = self.bonds_broken;
+        self.touches.clear();
+        for (particle, count) in counts.iter().enumerate() {
+            let near = walls[particle..].iter().step_by(counts.len()).take(count.walls as usize);
+            self.touches.extend(near.filter_map(|wall| Touch::of(particle, wall)));
+        }
     }
 
     /// Counts steps done on the device.
@@ -236,19 +269,21 @@ impl Run {
             self.state(device);
             let mut rows = self.buffers.read_rows(device);
             rows.surfaces_changed(&changed);
-            self.surface_loads = self.loads(|i| rows.walls(i).iter());
+            self.touches.retain(|touch| !changed.iter().any(|[first, last]| (*first..=*last).contains(&touch.facet)));
             self.buffers.write_rows(device, &rows);
         }
     }
 
-    pub(super) fn remove(&mut self, device: &Device, serials: &[u32]) {
-        self.state(device);
-        let rows = self.buffers.read_rows(device);
+    /// Forgets sub-particles in main memory. Returns the new index of each sub-particle, or [`NONE`].
+    pub(super) fn forget(&mut self, device: &Device, serials: &[u32]) -> Vec<u32> {
+        self.read(device);
         let map = self.state.remove(serials);
-        let rows = rows.remove(&map);
-        self.surface_loads = self.loads(|i| rows.walls(i).iter());
-        self.buffers.write_rows(device, &rows);
-        self.write_state(device);
+        self.touches.retain_mut(|touch| {
+            let to = map[touch.particle];
+            touch.particle = to as usize;
+            to != NONE
+        });
+        map
     }
 
     pub(super) fn enter(

@@ -57,6 +57,9 @@ impl RunBuffer {
         }
     }
 
+    /// Buffers that observers read, in the order in which they are read back.
+    pub(super) const OBSERVED: [Self; 4] = [Self::Particles, Self::PrivateState, Self::Counts, Self::Walls];
+
     /// Buffers that steps change.
     pub(super) const CHANGING: [Self; 6] =
         [Self::Particles, Self::PrivateState, Self::Counts, Self::Pairs, Self::Walls, Self::Moments];
@@ -162,8 +165,37 @@ impl RunBuffers {
         self.elements.bytes(part, self.row_capacity)
     }
 
+    /// Position of a buffer among those that observers read, in bytes; none for other buffers.
+    pub(super) fn observed_at(&self, part: RunBuffer) -> Option<u64> {
+        let before = RunBuffer::OBSERVED.iter().position(|&observed| observed == part)?;
+        Some(RunBuffer::OBSERVED[..before].iter().map(|&part| self.bytes(part)).sum())
+    }
+
+    /// Size of the buffers that observers read, in bytes.
+    pub(super) fn observed_bytes(&self) -> u64 {
+        RunBuffer::OBSERVED.map(|part| self.bytes(part)).iter().sum()
+    }
+
+    /// Counts only this many sub-particles from now on.
+    pub(super) fn keep(&mut self, particles: u32) {
+        let moments = if self.elements.moments > 0 { particles } else { 0 };
+        self.elements = ElementCounts { particles, moments, ..self.elements };
+    }
+
     pub(super) fn write<T: Pod>(&self, device: &Device, part: RunBuffer, values: &[T]) {
         device.queue.write_buffer(self.buffer(part), 0, bytemuck::cast_slice(values));
+    }
+
+    /// Sends what observers read to a buffer.
+    pub(super) fn read_back(&self, device: &Device, staging: &wgpu::Buffer) -> wgpu::SubmissionIndex {
+        let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        for part in RunBuffer::OBSERVED {
+            let (at, bytes) = (self.observed_at(part).unwrap_or(0), self.bytes(part));
+            if bytes > 0 {
+                encoder.copy_buffer_to_buffer(self.buffer(part), 0, staging, at, bytes);
+            }
+        }
+        device.queue.submit([encoder.finish()])
     }
 
     /// Reads buffers, as bytes.

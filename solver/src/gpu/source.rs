@@ -26,8 +26,8 @@ const TERMS: [(&str, &str); 10] = files![
 ];
 
 /// The stages, which bind buffers.
-const STAGES: [(&str, &str); 7] =
-    files!["bindings", "cell_list", "neighbour_list", "walls", "side", "forces", "step"];
+const STAGES: [(&str, &str); 8] =
+    files!["bindings", "cell_list", "neighbour_list", "walls", "side", "forces", "step", "remove"];
 
 /// The source of the kernels.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -22,13 +22,23 @@ fn add_pair_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>
     var stats = ForceStats(0.0, 0u);
     let base = row(scene, dispatch.pair_capacity, i);
     let end = base + counts[i].pairs * scene.count;
+    if end == base {
+        return stats;
+    }
+    // Each pair and its neighbour are loaded while the pair before is computed: memory takes longer than the forces of a pair.
+    var next = pairs[base];
+    var next_other = particles[scene.first + next.other];
     for (var at = base; at < end; at += scene.count) {
-        let state = pairs[at].state;
-        let j = scene.first + pairs[at].other;
-        let other = particles[j];
+        let pair = next;
+        var stored = pair.bond;
+        let other = next_other;
+        if at + scene.count < end {
+            next = pairs[at + scene.count];
+            next_other = particles[scene.first + next.other];
+        }
         let d = between(scene.unit_m, scene.period_y, me.position, other.position);
         let length2 = dot3(d, d);
-        var class_ = state & ~IN_CONTACT;
+        var class_ = pair.state & ~IN_CONTACT;
         let bonded = class_ != 0u;
         var law = scene.tissue;
         var contact_distance = scene.contact_distance;
@@ -38,9 +48,8 @@ fn add_pair_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>
         }
         let hold = contact_distance + adhesion_range_of(law);
         if !bonded && length2 > hold * hold {
-            if state != 0u {
-                pairs[at].state = 0u;
-                pairs[at].xi = vec3(0.0);
+            if pair.state != 0u {
+                pairs[at] = Pair(vec3(0.0), pair.other, vec3(0.0), 0u);
             }
             continue;
         }
@@ -55,7 +64,6 @@ fn add_pair_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>
         let spin = (me.spin + other.spin) * 0.5;
         if bonded {
             let rest = scene.contact_distance * sqrt(f32(class_));
-            var stored = pairs[at].bond;
             var law = scene.bond;
             var torque = vec3(0.0);
             let place = moment_row(scene, i) + at - base;
@@ -75,11 +83,10 @@ fn add_pair_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>
             } else {
                 class_ = 0u;
                 stored = vec3(0.0);
-                stats.bonds_broken += select(0u, 1u, i < j);
+                stats.bonds_broken += select(0u, 1u, pair.other > i - scene.first);
             }
-            pairs[at].bond = stored;
         }
-        var history = ContactHistory(pairs[at].xi, (state & IN_CONTACT) != 0u);
+        var history = ContactHistory(pair.xi, (pair.state & IN_CONTACT) != 0u);
         if !bonded || scene.contact_between_bonded != 0u {
             let m_star = me.mass * other.mass / (me.mass + other.mass);
             let delta = contact_distance - length;
@@ -91,9 +98,8 @@ fn add_pair_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>
                     stats.max_overlap = max(stats.max_overlap, delta);
                 }
             }
-            pairs[at].xi = history.xi;
         }
-        pairs[at].state = class_ | select(0u, IN_CONTACT, history.in_contact);
+        pairs[at] = Pair(stored, pair.other, history.xi, class_ | select(0u, IN_CONTACT, history.in_contact));
     }
     return stats;
 }
