@@ -167,6 +167,18 @@ shared! {
         broken: u32,
     }
 
+    /// Sum of the loads of bonds and contacts on a sub-particle.
+    Load {
+        /// In N.
+        force: [f32; 3],
+        /// Padding.
+        pad_0: u32,
+        /// In N m.
+        torque: [f32; 3],
+        /// Padding.
+        pad_1: u32,
+    }
+
     /// Lengths of the rows of a sub-particle.
     Count {
         /// Neighbours.

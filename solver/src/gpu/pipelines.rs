@@ -13,13 +13,16 @@ use super::source::Source;
 /// Invocations per workgroup.
 pub(super) const GROUP_SIZE: u32 = 64;
 
+/// Invocations that share a sub-particle in kernels of pairs.
+pub(super) const LANES: u32 = 4;
+
 /// Maximum number of workgroups along one dimension.
 const MAX_GROUPS_PER_ROW: u32 = 65_535;
 
 /// Whether kernels write each buffer of each bind group; see `kernels/bindings.wgsl`.
 const WRITABLE: [&[bool]; 3] = [
     &[false, false, false, false, false, false, false, true],
-    &[false, true, true, false, true, true, true],
+    &[false, true, true, false, true, true, true, true],
     &[true, true, true, true, true, true, true, true, true],
 ];
 
@@ -29,24 +32,41 @@ pub(super) const STORAGE_BUFFERS: u32 = (WRITABLE[0].len() + WRITABLE[1].len() +
 /// Size of the constants of a dispatch, in bytes.
 const IMMEDIATE_BYTES: u32 = size_of::<DispatchParams>() as u32;
 
-/// The kernels: those of a step in their order, then the others.
+/// The kernels: those of a rebuild and of a step in their order, then the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kernel {
     /// Build the cell list.
     CellList,
-    /// Rebuild the neighbour lists.
-    NeighbourList,
-    /// Forces and integration.
+    /// Rebuild the lists of neighbours.
+    PairList,
+    /// Rebuild the lists of facets.
+    WallList,
+    /// Loads of bonds and contacts.
+    PairForces,
+    /// Forces of facets, and integration.
     Step,
     /// Removal of sub-particles.
     Remove,
+}
+
+impl Kernel {
+    /// Names of the entry points.
+    const ALL: [&str; 6] = ["cell_list", "pair_list", "wall_list", "pair_forces", "step", "remove"];
+
+    /// Invocations per sub-particle; see `kernels/pairs.wgsl`.
+    fn lanes(self) -> u32 {
+        match self {
+            Self::PairList | Self::PairForces => LANES,
+            _ => 1,
+        }
+    }
 }
 
 /// The kernels on a device.
 #[derive(Debug)]
 pub(super) struct Pipelines {
     layouts: Vec<BindGroupLayout>,
-    kernels: [ComputePipeline; 4],
+    kernels: [ComputePipeline; Kernel::ALL.len()],
 }
 
 impl Pipelines {
@@ -84,7 +104,7 @@ impl Pipelines {
             label: Some("roost"),
             source: wgpu::ShaderSource::Wgsl(source.text("").into()),
         });
-        let kernels = ["cell_list", "neighbour_list", "step", "remove"].map(|name| {
+        let kernels = Kernel::ALL.map(|name| {
             device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(name),
                 layout: Some(&layout),
@@ -122,9 +142,9 @@ impl Pipelines {
         })
     }
 
-    /// Runs a kernel once per sub-particle, on bound groups.
+    /// Runs a kernel for each sub-particle, on bound groups.
     pub(super) fn run(&self, pass: &mut ComputePass<'_>, kernel: Kernel, dispatch: &DispatchParams) {
-        let groups = dispatch.count.div_ceil(GROUP_SIZE).max(1);
+        let groups = dispatch.count.div_ceil(GROUP_SIZE / kernel.lanes()).max(1);
         let (x, y) = (groups.min(MAX_GROUPS_PER_ROW), groups.div_ceil(MAX_GROUPS_PER_ROW));
         pass.set_pipeline(&self.kernels[kernel as usize]);
         pass.set_immediates(0, bytemuck::bytes_of(dispatch));

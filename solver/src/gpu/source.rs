@@ -26,8 +26,18 @@ const TERMS: [(&str, &str); 10] = files![
 ];
 
 /// The stages, which bind buffers.
-const STAGES: [(&str, &str); 8] =
-    files!["bindings", "cell_list", "neighbour_list", "walls", "side", "forces", "step", "remove"];
+const STAGES: [(&str, &str); 10] = files![
+    "bindings",
+    "cell_list",
+    "pairs",
+    "pair_list",
+    "walls",
+    "wall_list",
+    "side",
+    "wall_forces",
+    "step",
+    "remove"
+];
 
 /// The source of the kernels.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -101,6 +111,7 @@ fn constants() -> String {
         ("ENTRY_SHIFT", layout::ENTRY_SHIFT),
         ("NONE", layout::NONE),
         ("GROUP_SIZE", super::pipelines::GROUP_SIZE),
+        ("LANES", super::pipelines::LANES),
     ];
     let floats = floats.map(|(name, value)| format!("const {name}: f32 = {value:?}f;\n"));
     let pairs = pairs.map(|(name, cap)| {
