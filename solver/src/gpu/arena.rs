@@ -11,6 +11,9 @@ use super::pipelines::{Kernel, Pipelines};
 use super::run_buffers::{ElementCounts, RunBuffer, RunBuffers};
 use crate::engine::OutOfDeviceMemory;
 
+/// Rebuilds of the lists, with the steps after each, that go to the device at once. It begins while more are written down.
+const REBUILDS_PER_SUBMISSION: u32 = 4;
+
 /// Inputs of a batch for one chunk.
 #[derive(Debug, Default)]
 pub(super) struct BatchInputs {
@@ -202,9 +205,14 @@ impl Arena {
             kept: 0,
         };
         for first in (0..steps).step_by(interval as usize) {
+            let rebuilds = first / interval;
+            if rebuilds > 0 && rebuilds.is_multiple_of(REBUILDS_PER_SUBMISSION) {
+                let empty = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+                device.queue.submit([std::mem::replace(&mut encoder, empty).finish()]);
+            }
             encoder.clear_buffer(&self.heads, 0, None);
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            let lists = (first / interval) as usize % 2;
+            let lists = rebuilds as usize % 2;
             pass.set_bind_group(0, &self.scene_group, &[]);
             pass.set_bind_group(1, &self.particle_groups[first as usize % 2], &[]);
             pass.set_bind_group(2, &self.list_groups[lists], &[]);

@@ -171,12 +171,6 @@ impl Rows {
         &self.walls[from..from + self.counts[i].walls as usize]
     }
 
-    /// The same rows with another capacity, which must suffice.
-    pub(super) fn with(&self, row_capacity: RowCapacity) -> Self {
-        let rows = (0..self.counts.len()).map(|i| (self.pairs(i), self.moments(i), self.walls(i)));
-        Self::of(row_capacity, !self.moments.is_empty(), rows)
-    }
-
     /// Intact bonds, as pairs of indices, the lower one first, ascending.
     pub(super) fn bonds(&self) -> impl Iterator<Item = [usize; 2]> {
         let row = |i: usize| self.pairs(i).iter().map(move |pair| (i, pair));

@@ -268,13 +268,18 @@ impl RunBuffers {
             .map(|part| longer(part).map(|longer| (part, longer)))
             .into_iter()
             .collect::<Result<_, _>>()?;
-        let rows = self.read_rows(device).with(row_capacity);
+        let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         for (part, longer) in longer {
             if let Some([longer]) = longer {
+                // Longer rows begin with the columns of shorter ones.
+                encoder.copy_buffer_to_buffer(self.buffer(part), 0, &longer, 0, self.bytes(part));
                 self.buffers[part as usize] = longer;
             }
         }
-        self.write_rows(device, &rows);
+        self.row_capacity = row_capacity;
+        device.queue.submit([encoder.finish()]);
+        // The memory of the shorter rows is free from here on.
+        device.wait();
         Ok(())
     }
 }
