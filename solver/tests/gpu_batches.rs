@@ -11,7 +11,7 @@ mod stl;
 use std::f64::consts::TAU;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use common::{at, block, blocks, onto, plate, scene, scene_of, small_hopper, with_moments};
+use common::{RADIUS, at, block, blocks, onto, plate, scene, scene_of, small_hopper, with_moments};
 use cut::{pipe, surface};
 use glam::DVec3;
 use parity::{Both, difference, gpu};
@@ -63,6 +63,27 @@ fn runs_that_exceed_one_batch_are_advanced_in_several() {
         cpu.advance(&mut [(&mut alone, steps)]);
         assert_eq!(difference(cpu.state(&mut alone), gpu.state(run)), None);
     }
+}
+
+#[test]
+fn run_with_too_many_neighbours_ends_alone_with_the_reason() {
+    let Some(gpu) = gpu() else { return };
+    // 150 spheres in a cube of half a radius.
+    let place = |k: u32| DVec3::new(f64::from(k % 6), f64::from(k / 6 % 5), f64::from(k / 30)) * 0.1 * RADIUS;
+    let crowd = (0..150).map(|k| at(place(k), DVec3::ZERO)).collect();
+    let scenes = [scene(block([1, 1, 1]), crowd, 1e-5), blocks()];
+    let mut runs = scenes.each_ref().map(|scene| gpu.prepare(scene));
+    let done = gpu.advance(&mut runs.iter_mut().map(|run| (run, 100)).collect::<Vec<_>>());
+    let reason = done[0].fault.as_deref().unwrap_or_default();
+    assert!(
+        reason.starts_with("a sub-particle has 149 neighbours, and the GPU backend takes at most 128;"),
+        "{reason}"
+    );
+    assert_eq!((done[0].steps, done[1].steps, &done[1].fault), (0, 100, &None));
+    let (cpu, [_, other]) = (Cpu::plain(1), &mut runs);
+    let mut alone = cpu.prepare(&scenes[1]);
+    cpu.advance(&mut [(&mut alone, 100)]);
+    assert_eq!(difference(cpu.state(&mut alone), gpu.state(other)), None);
 }
 
 #[test]

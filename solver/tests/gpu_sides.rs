@@ -61,7 +61,7 @@ fn planted_errors_in_side_tracking_are_detected() {
     let Some(device) = parity::device() else { return };
     let ([_, (tilted, ..), _], slot) = (strikes(), in_a_slot(0.8 * RADIUS));
     let planted = [
-        (&tilted, "wall_forces", "let distance = signed_distance(point);", "let distance = point.distance;"),
+        (&tilted, "forces", "let distance = signed_distance(point);", "let distance = point.distance;"),
         (&tilted, "side", "return origin | BEYOND;", "return origin;"),
         (&tilted, "side", "if continues(scene, nearest_points[k], nearest_points[at]) {", "if false {"),
         (&slot, "side", "height < max(", "0.0 * height < max("),

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::arena::{Arena, BatchInputs, arena_bytes, largest_buffer};
 use super::device::Device;
-use super::layout::{NONE, Report, Scene};
+use super::layout::{MAX_NEIGHBOURS, NONE, Report, Scene};
 use super::memory_budget::bytes_of;
 use super::neighbour_list::RowCapacity;
 use super::pipelines::Pipelines;
@@ -129,6 +129,9 @@ pub(super) fn chunk(
         let clock = Instant::now();
         let reports = arena.advance(device, pipelines, &all_buffers, &inputs, longest, interval);
         let took = clock.elapsed();
+        if refuse_crowded(tasks, &reports) {
+            return Ok(took);
+        }
         let wanted = |of: fn(&Report) -> u32| reports.iter().map(of).max().unwrap_or(0);
         let (pairs, walls) = (wanted(|report| report.pairs.0), wanted(|report| report.walls.0));
         if pairs > 0 || walls > 0 {
@@ -150,6 +153,19 @@ pub(super) fn chunk(
             return Ok(took);
         }
     }
+}
+
+/// Ends the runs in which a sub-particle has more neighbours than a row can hold. Returns whether there are any.
+fn refuse_crowded(tasks: &mut [&mut Task], reports: &[Report]) -> bool {
+    let crowded = tasks.iter_mut().zip(reports).filter(|(_, report)| report.pairs.0 > MAX_NEIGHBOURS);
+    let refuse = |(task, report): (&mut &mut Task, &Report)| {
+        task.run.fault = Some(format!(
+            "a sub-particle has {} neighbours, and the GPU backend takes at most {MAX_NEIGHBOURS}; use the CPU \
+             backend, or larger sub-particles",
+            report.pairs.0
+        ));
+    };
+    crowded.map(refuse).count() > 0
 }
 
 /// Removes sub-particles from a run: `map` holds the new index of each, or [`NONE`].

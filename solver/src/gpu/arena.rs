@@ -4,7 +4,7 @@
 use wgpu::{BindGroup, CommandEncoder};
 
 use super::device::Device;
-use super::layout::{DispatchParams, Load, NONE, NearestPoint, Pose, PrivateState, Report, Scene};
+use super::layout::{DispatchParams, NONE, NearestPoint, Pose, PrivateState, Report, Scene};
 use super::memory_budget::{Buffer, buffers, bytes_of};
 use super::neighbour_list::RowCapacity;
 use super::pipelines::{Kernel, Pipelines};
@@ -40,7 +40,7 @@ pub(super) struct Arena {
     poses: Buffer,
     reports: Buffer,
     /// Buffers that are only bound.
-    _others: [Buffer; 3],
+    _others: [Buffer; 2],
     scene_group: BindGroup,
     /// By the buffer that holds the current sub-particles.
     particle_groups: [BindGroup; 2],
@@ -49,7 +49,7 @@ pub(super) struct Arena {
 }
 
 /// Buffers of a batch that have no counterpart in runs.
-fn batch_sizes(elements: &ElementCounts, row_capacity: RowCapacity) -> [(&'static str, u64); 14] {
+fn batch_sizes(elements: &ElementCounts, row_capacity: RowCapacity) -> [(&'static str, u64); 13] {
     let bytes = |count: u32, each: usize| u64::from(count) * each as u64;
     let particles = |each| bytes(elements.particles, each);
     [
@@ -63,7 +63,6 @@ fn batch_sizes(elements: &ElementCounts, row_capacity: RowCapacity) -> [(&'stati
         ("reference", particles(size_of::<PrivateState>())),
         ("heads", bytes(elements.cells, size_of::<u32>())),
         ("chain", particles(size_of::<u32>())),
-        ("loads", particles(size_of::<Load>())),
         ("scenes", bytes(elements.scenes, size_of::<Scene>())),
         ("poses", bytes(elements.poses, size_of::<Pose>())),
         ("reports", bytes(elements.scenes, size_of::<Report>())),
@@ -101,7 +100,6 @@ impl Arena {
             reference,
             heads,
             chain,
-            loads,
             scenes,
             poses,
             reports,
@@ -109,7 +107,7 @@ impl Arena {
         let [particles, own, counts, pairs, walls, moments, surfaces, facets, corners, nodes, leaves] =
             &parts;
         let scene_group = [&scenes, surfaces, &poses, facets, corners, nodes, leaves, &reports];
-        let particle_group = |a, b| [a, b, own, &scene_of, &reference, &heads, &chain, &loads];
+        let particle_group = |a, b| [a, b, own, &scene_of, &reference, &heads, &chain];
         let old = [counts, pairs, walls, moments];
         let new = [&new_counts, &new_pairs, &new_walls, &new_moments];
         let list_group =
@@ -136,7 +134,7 @@ impl Arena {
             scenes,
             poses,
             reports,
-            _others: [nearest_points, reference, loads],
+            _others: [nearest_points, reference],
         })
     }
 
@@ -222,7 +220,6 @@ impl Arena {
             pass.set_bind_group(2, &self.list_groups[1 - lists], &[]);
             for step in first..steps.min(first + interval) {
                 pass.set_bind_group(1, &self.particle_groups[step as usize % 2], &[]);
-                pipelines.run(&mut pass, Kernel::PairForces, &dispatch(step));
                 pipelines.run(&mut pass, Kernel::Step, &dispatch(step));
             }
         }
@@ -245,7 +242,8 @@ impl Arena {
         device.queue.write_buffer(&self.chain, 0, bytemuck::cast_slice(map));
         let kept = map.iter().filter(|&&to| to != NONE).count() as u32;
         let RowCapacity { pairs: pair_capacity, walls: wall_capacity } = self.row_capacity;
-        let dispatch = DispatchParams { step: 0, count: map.len() as u32, pair_capacity, wall_capacity, kept };
+        let dispatch =
+            DispatchParams { step: 0, count: map.len() as u32, pair_capacity, wall_capacity, kept };
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_bind_group(0, &self.scene_group, &[]);
         pass.set_bind_group(1, &self.particle_groups[0], &[]);

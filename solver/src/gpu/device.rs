@@ -1,8 +1,8 @@
 //! The graphics adapter: selection, requirements and failures.
 
 use std::fmt;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use thiserror::Error;
@@ -95,19 +95,27 @@ const COPIED_BYTES: u64 = 256 << 20;
 /// it, Windows would continue in main memory, ever slower.
 const MAX_BUDGET_PERCENT: u8 = 95;
 
+/// The graphics drivers. They stay loaded until the process ends: NVIDIA's was seen to crash when it is unloaded earlier.
+fn instance() -> &'static Instance {
+    static INSTANCE: OnceLock<Instance> = OnceLock::new();
+    let open = || {
+        Instance::new(InstanceDescriptor {
+            backends: Backends::PRIMARY,
+            // Debug builds would enable validation layers. Checks of indirect calls cost 20 µs each.
+            flags: InstanceFlags::empty(),
+            memory_budget_thresholds: MemoryBudgetThresholds {
+                for_resource_creation: Some(MAX_BUDGET_PERCENT),
+                for_device_loss: None,
+            },
+            ..InstanceDescriptor::new_without_display_handle()
+        })
+    };
+    INSTANCE.get_or_init(open)
+}
+
 /// The adapters of this machine, preferred first.
 fn ranked_adapters() -> Vec<Adapter> {
-    let instance = Instance::new(InstanceDescriptor {
-        backends: Backends::PRIMARY,
-        // Debug builds would enable validation layers. Checks of indirect calls cost 20 µs each.
-        flags: InstanceFlags::empty(),
-        memory_budget_thresholds: MemoryBudgetThresholds {
-            for_resource_creation: Some(MAX_BUDGET_PERCENT),
-            for_device_loss: None,
-        },
-        ..InstanceDescriptor::new_without_display_handle()
-    });
-    let mut adapters = pollster::block_on(instance.enumerate_adapters(Backends::PRIMARY));
+    let mut adapters = pollster::block_on(instance().enumerate_adapters(Backends::PRIMARY));
     let rank = |adapter: &Adapter| match adapter.get_info().device_type {
         DeviceType::DiscreteGpu => 0,
         DeviceType::VirtualGpu => 1,

@@ -167,18 +167,6 @@ shared! {
         broken: u32,
     }
 
-    /// Sum of the loads of bonds and contacts on a sub-particle.
-    Load {
-        /// In N.
-        force: [f32; 3],
-        /// Padding.
-        pad_0: u32,
-        /// In N m.
-        torque: [f32; 3],
-        /// Padding.
-        pad_1: u32,
-    }
-
     /// Lengths of the rows of a sub-particle.
     Count {
         /// Neighbours.
@@ -365,7 +353,7 @@ shared! {
 /// No step, no sub-particle.
 pub const NONE: u32 = u32::MAX;
 
-/// Maximum number of neighbours of a sub-particle. Without overlaps, 60 fit into the longest cutoff that scenarios allow.
+/// Maximum number of neighbours of a sub-particle: several times as many as spheres without overlap have.
 pub const MAX_NEIGHBOURS: u32 = 128;
 
 /// Flag in the state of a pair: the contact has formed and still holds.

@@ -13,8 +13,8 @@ use super::source::Source;
 /// Invocations per workgroup.
 pub(super) const GROUP_SIZE: u32 = 64;
 
-/// Invocations that share a sub-particle in kernels of pairs.
-pub(super) const LANES: u32 = 4;
+/// Invocations that share a sub-particle in the kernel of neighbour lists.
+pub(super) const LANES: u32 = 8;
 
 /// Maximum number of workgroups along one dimension.
 const MAX_GROUPS_PER_ROW: u32 = 65_535;
@@ -22,7 +22,7 @@ const MAX_GROUPS_PER_ROW: u32 = 65_535;
 /// Whether kernels write each buffer of each bind group; see `kernels/bindings.wgsl`.
 const WRITABLE: [&[bool]; 3] = [
     &[false, false, false, false, false, false, false, true],
-    &[false, true, true, false, true, true, true, true],
+    &[false, true, true, false, true, true, true],
     &[true, true, true, true, true, true, true, true, true],
 ];
 
@@ -41,9 +41,7 @@ pub(super) enum Kernel {
     PairList,
     /// Rebuild the lists of facets.
     WallList,
-    /// Loads of bonds and contacts.
-    PairForces,
-    /// Forces of facets, and integration.
+    /// Forces and integration.
     Step,
     /// Removal of sub-particles.
     Remove,
@@ -51,14 +49,11 @@ pub(super) enum Kernel {
 
 impl Kernel {
     /// Names of the entry points.
-    const ALL: [&str; 6] = ["cell_list", "pair_list", "wall_list", "pair_forces", "step", "remove"];
+    const ALL: [&str; 5] = ["cell_list", "pair_list", "wall_list", "step", "remove"];
 
-    /// Invocations per sub-particle; see `kernels/pairs.wgsl`.
+    /// Invocations per sub-particle.
     fn lanes(self) -> u32 {
-        match self {
-            Self::PairList | Self::PairForces => LANES,
-            _ => 1,
-        }
+        if self == Self::PairList { LANES } else { 1 }
     }
 }
 

@@ -269,7 +269,8 @@ impl Run {
             self.state(device);
             let mut rows = self.buffers.read_rows(device);
             rows.surfaces_changed(&changed);
-            self.touches.retain(|touch| !changed.iter().any(|[first, last]| (*first..=*last).contains(&touch.facet)));
+            self.touches
+                .retain(|touch| !changed.iter().any(|[first, last]| (*first..=*last).contains(&touch.facet)));
             self.buffers.write_rows(device, &rows);
         }
     }

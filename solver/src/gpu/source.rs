@@ -26,18 +26,8 @@ const TERMS: [(&str, &str); 10] = files![
 ];
 
 /// The stages, which bind buffers.
-const STAGES: [(&str, &str); 10] = files![
-    "bindings",
-    "cell_list",
-    "pairs",
-    "pair_list",
-    "walls",
-    "wall_list",
-    "side",
-    "wall_forces",
-    "step",
-    "remove"
-];
+const STAGES: [(&str, &str); 9] =
+    files!["bindings", "cell_list", "pair_list", "walls", "wall_list", "side", "forces", "step", "remove"];
 
 /// The source of the kernels.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -22,8 +22,6 @@
 // The cell list: first sub-particle of each cell, and successor of each, from 1; 0 ends the chain.
 @group(1) @binding(5) var<storage, read_write> heads: array<atomic<u32>>;
 @group(1) @binding(6) var<storage, read_write> chain: array<u32>;
-// Loads of bonds and contacts, within a step.
-@group(1) @binding(7) var<storage, read_write> loads: array<Load>;
 
 // The current lists and the lists under construction, swapped at every rebuild: a row per sub-particle.
 @group(2) @binding(0) var<storage, read_write> counts: array<Count>;

@@ -1,5 +1,9 @@
 // Neighbour lists with histories: twin of cpu/neighbour_list.rs. Rows are sorted by index. Histories of bonds and contacts are
-// carried over from the old rows. LANES invocations share the row of a sub-particle, as in pairs.wgsl.
+// carried over from the old rows. LANES invocations share the row of a sub-particle: one alone would wait for memory most of the
+// time.
+
+// Sub-particles of a workgroup.
+const ROWS: u32 = GROUP_SIZE / LANES;
 
 // Neighbours of the sub-particles of a workgroup, in any order, and their numbers, which may exceed MAX_NEIGHBOURS.
 var<workgroup> found: array<array<u32, MAX_NEIGHBOURS>, ROWS>;

@@ -1,5 +1,5 @@
-// The rest of a time step of one sub-particle: forces of facets, and motion into the next sub-particles. The integration is the
-// twin of cpu/integrate.rs.
+// A time step of one sub-particle: forces from the current sub-particles, motion into the next ones. The
+// integration is the twin of cpu/integrate.rs.
 
 const DOMAIN_LIMIT: i32 = 1 << 30;
 
@@ -42,10 +42,20 @@ fn step(
     if length3(between(scene.unit_m, scene.period_y, since, me.position)) > scene.half_skin {
         atomicOr(&reports[run].stale, 1u);
     }
-    var load = loads[i];
+    var load = Load(vec3(0.0), vec3(0.0));
+    let stats = add_pair_forces(scene, i, me, &load);
     let passed = add_wall_forces(scene, i, me, &load);
     if passed > 0u {
         atomicAdd(&reports[run].passed, passed);
+    }
+    // Positive floats compare like their bits. A load is cheaper than an atomic maximum, and most values do
+    // not raise it.
+    if stats.max_overlap > 0.0 && bitcast<u32>(stats.max_overlap) > atomicLoad(&reports[run].overlap) {
+        atomicMax(&reports[run].overlap, bitcast<u32>(stats.max_overlap));
+    }
+    if stats.bonds_broken > 0u {
+        private_state[i].broken += stats.bonds_broken;
+        atomicAdd(&reports[run].broken, stats.bonds_broken);
     }
     if me.held == 0u {
         if !integrate(scene, i, load, &me) {
