@@ -1,5 +1,5 @@
-//! Neighbour lists in main memory, to renumber, lengthen and inspect rows: the host side of
-//! `kernels/neighbour_list.wgsl`.
+//! Neighbour lists in main memory, to make, save and inspect rows: the host side of `kernels/pair_list.wgsl` and
+//! `kernels/wall_list.wgsl`.
 
 use super::layout::{Count, IN_CONTACT, Moment, Pair, WallPair};
 use crate::engine::saved::{SavedPair, SavedRun, SavedWall};
