@@ -315,3 +315,31 @@ fn planted_errors_in_every_gpu_stage_are_detected() {
         assert!(!stays(&Source::kernels().with(file, text, error)), "{file}: `{error}` was not found");
     }
 }
+
+#[test]
+fn planted_errors_in_the_removal_of_sub_particles_are_detected() {
+    let Some(device) = parity::device() else { return };
+    let planted = [
+        ("remove", "+ count * dispatch.kept", "+ count * scene.count"),
+        ("remove", "new_walls[chain[i] +", "new_walls[i +"),
+        ("remove", "chain[pair.other]", "pair.other"),
+        ("remove", "= moments[at];", "= moments[i];"),
+    ];
+    // Three blocks that bounce on a plate beside each other.
+    let scene = with_moments(onto(plate(SurfaceKind::Equipment), |x| x), 1.0);
+    let stays = |source: &Source| {
+        let gpu = Gpu::with(device.clone(), source).expect("kernels that compile");
+        let mut both = Both::new(&gpu, &scene);
+        both.advance(400);
+        let first: Vec<u32> = (0..48).collect();
+        both.plain.remove(&mut both.plain_run, &first);
+        gpu.remove(&mut both.gpu_run, &first);
+        assert_eq!(both.plain.surface_loads(&mut both.plain_run), gpu.surface_loads(&mut both.gpu_run));
+        both.advance(100);
+        difference(both.plain.state(&mut both.plain_run), gpu.state(&mut both.gpu_run)).is_none()
+    };
+    assert!(stays(&Source::kernels()), "without an error");
+    for (file, text, error) in planted {
+        assert!(!stays(&Source::kernels().with(file, text, error)), "{file}: `{error}` was not found");
+    }
+}

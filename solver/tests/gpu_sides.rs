@@ -18,6 +18,7 @@ use roost_solver::engine::state::State;
 use roost_solver::equipment::{Motion, SurfaceKind};
 use roost_solver::gpu::Gpu;
 use roost_solver::gpu::source::Source;
+use stl::quad;
 
 /// Blocks and spheres that strike a plate at 8 m/s, a tilted plate of many facets, and a pusher; each with a point of the
 /// surface and its normal.
@@ -65,6 +66,7 @@ fn planted_errors_in_side_tracking_are_detected() {
         (&tilted, "side", "return origin | BEYOND;", "return origin;"),
         (&tilted, "side", "if continues(scene, nearest_points[k], nearest_points[at]) {", "if false {"),
         (&slot, "side", "height < max(", "0.0 * height < max("),
+        (&into_a_box(), "side", "return side != 0u && side != origin;", "return false;"),
     ];
     for (scene, file, text, error) in planted {
         let source = Source::kernels().with(file, text, error);
@@ -90,6 +92,26 @@ fn in_a_slot(width: f64) -> Scene {
     scene.surfaces = vec![surface(slot(width, true))];
     scene.laws.equipment = law(true, 0.3, 0.3, 0.0);
     scene
+}
+
+/// Spheres close above a closed box, so fast that they come out of its middle after one step.
+fn into_a_box() -> Scene {
+    let body = |k: i32| {
+        let place = DVec3::new(0.01 * f64::from(k) - 0.04, 0.0, 0.001);
+        at(place, DVec3::NEG_Z * (8.0 + f64::from(k)))
+    };
+    let mut scene = scene(block([1, 1, 1]), (0..8).map(body).collect(), 7e-4);
+    let (x, y, z) = (DVec3::X * 0.2, DVec3::Y * 0.2, DVec3::Z * 3.5 * RADIUS);
+    let low = DVec3::new(-0.1, -0.1, -3.5 * RADIUS);
+    let faces = [(low, x, y), (low + z, x, y), (low, x, z), (low + y, x, z), (low, y, z), (low + x, y, z)];
+    scene.surfaces = vec![surface(faces.iter().flat_map(|&(corner, u, v)| quad(corner, u, v)).collect())];
+    scene
+}
+
+#[test]
+fn gpu_matches_plain_path_for_spheres_that_enter_a_box_in_one_step() {
+    let Some(gpu) = gpu() else { return };
+    Both::new(&gpu, &into_a_box()).assert_equal_for(12, 1);
 }
 
 #[test]

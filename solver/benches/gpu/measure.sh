@@ -10,7 +10,7 @@
 #   parity.json    deviation of the adapter from the plain path
 #   bench.json     batches of 1, 4, 16 and 64 runs, at rest and in discharge
 #   run.json       the scenario from fill to end; its result in run/
-#   figures.txt    the GPU figures of docs/performance.md, one per line
+#   figures.txt    the figures, one per line
 #
 # SCENARIO (a file), SUBPARTICLES, STEPS, REPEATS and BATCHES reduce the measurement, for a trial.
 set -eu

@@ -116,6 +116,8 @@ pub(super) fn chunk(
         .map(|task| task.elements())
         .fold(ElementCounts::default(), |sum, elements| sum.each(elements, |a, b| a + b));
     let inputs = inputs(tasks);
+    // Of an earlier chunk.
+    tasks.iter_mut().for_each(|task| task.run.read_back = None);
     let mut row_capacity =
         tasks.iter().map(|task| task.run.buffers.row_capacity).fold(RowCapacity::default(), RowCapacity::max);
     loop {
@@ -129,18 +131,19 @@ pub(super) fn chunk(
         let clock = Instant::now();
         let reports = arena.advance(device, pipelines, &all_buffers, &inputs, longest, interval);
         let took = clock.elapsed();
-        if refuse_crowded(tasks, &reports) {
-            return Ok(took);
-        }
         let wanted = |of: fn(&Report) -> u32| reports.iter().map(of).max().unwrap_or(0);
         let (pairs, walls) = (wanted(|report| report.pairs.0), wanted(|report| report.walls.0));
-        if pairs > 0 || walls > 0 {
-            row_capacity = row_capacity.max(RowCapacity::holding(pairs, walls));
+        let held = row_capacity.max(RowCapacity::holding(pairs.min(MAX_NEIGHBOURS), walls));
+        if held != row_capacity {
+            row_capacity = held;
         } else if reports.iter().any(|report| report.stale.0 != 0) {
             tasks.iter_mut().for_each(|task| task.run.interval = (interval / 2).max(1));
+        } else if refuse_crowded(tasks, &reports) {
+            return Ok(took);
         } else {
+            // Without, an observer reads by itself.
             let last = tasks.iter_mut().filter(|task| task.is_last_chunk());
-            last.for_each(|task| task.run.make_staging(device));
+            last.for_each(|task| drop(task.run.make_staging(device)));
             let runs: Vec<_> = tasks.iter().map(|task| (&task.run.buffers, task.read_back())).collect();
             let submitted = arena.unload(device, &runs, longest, interval);
             for (task, report) in tasks.iter_mut().zip(&reports) {
@@ -155,14 +158,13 @@ pub(super) fn chunk(
     }
 }
 
-/// Ends the runs in which a sub-particle has more neighbours than a row can hold. Returns whether there are any.
+/// Ends the runs in which a sub-particle has more neighbours than a row can hold, at their last valid chunk. Returns whether
+/// there are any.
 fn refuse_crowded(tasks: &mut [&mut Task], reports: &[Report]) -> bool {
     let crowded = tasks.iter_mut().zip(reports).filter(|(_, report)| report.pairs.0 > MAX_NEIGHBOURS);
-    let refuse = |(task, report): (&mut &mut Task, &Report)| {
+    let refuse = |(task, _): (&mut &mut Task, &Report)| {
         task.run.fault = Some(format!(
-            "a sub-particle has {} neighbours, and the GPU backend takes at most {MAX_NEIGHBOURS}; use the CPU \
-             backend, or larger sub-particles",
-            report.pairs.0
+            "a sub-particle has more than {MAX_NEIGHBOURS} neighbours, the limit of the GPU backend; use the CPU backend"
         ));
     };
     crowded.map(refuse).count() > 0
@@ -178,7 +180,12 @@ pub(super) fn remove(
 ) -> Result<Box<Run>, OutOfDeviceMemory> {
     let mut task = Task { run, steps: 0, max_steps: 0, done: AdvanceReport::default() };
     let (inputs, row_capacity) = (inputs(&mut [&mut task]), task.run.buffers.row_capacity);
-    let arena = ensure_arena(device, pipelines, arena, task.elements(), row_capacity)?;
+    let elements = task.elements();
+    // Longer rows do, too: the run is alone.
+    let longer = arena.as_ref().map_or(row_capacity, |arena| arena.row_capacity().max(row_capacity));
+    let fits = arena.as_ref().is_some_and(|arena| arena.holds(elements, longer));
+    let row_capacity = if fits { longer } else { row_capacity };
+    let arena = ensure_arena(device, pipelines, arena, elements, row_capacity)?;
     arena.remove(device, pipelines, &mut task.run.buffers, &inputs, map);
     Ok(task.run)
 }

@@ -11,7 +11,8 @@ use super::pipelines::{Kernel, Pipelines};
 use super::run_buffers::{ElementCounts, RunBuffer, RunBuffers};
 use crate::engine::OutOfDeviceMemory;
 
-/// Rebuilds of the lists, with the steps after each, that go to the device at once. It begins while more are written down.
+/// Rebuilds of the lists, with the steps after each, that go to the device at once. The device computes them while the host
+/// writes down the next ones.
 const REBUILDS_PER_SUBMISSION: u32 = 4;
 
 /// Inputs of a batch for one chunk.
@@ -146,6 +147,11 @@ impl Arena {
     /// Whether its rows have exactly this length.
     pub(super) fn has(&self, row_capacity: RowCapacity) -> bool {
         self.row_capacity == row_capacity
+    }
+
+    /// Length of its rows.
+    pub(super) fn row_capacity(&self) -> RowCapacity {
+        self.row_capacity
     }
 
     /// Size, in bytes.

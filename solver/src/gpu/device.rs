@@ -7,12 +7,13 @@ use std::time::Instant;
 
 use thiserror::Error;
 use wgpu::{
-    Adapter, Backends, DeviceType, Features, Instance, InstanceDescriptor, InstanceFlags, Limits,
-    MemoryBudgetThresholds, MemoryHints,
+    Adapter, Backends, DeviceType, ErrorFilter, Features, Instance, InstanceDescriptor, InstanceFlags,
+    Limits, MemoryBudgetThresholds, MemoryHints,
 };
 
 use super::memory_budget::{MemoryBudget, buffers};
 use super::pipelines::STORAGE_BUFFERS;
+use super::unwind;
 use crate::engine::OutOfDeviceMemory;
 
 /// Why there is no GPU to compute on.
@@ -242,7 +243,7 @@ impl Device {
         if sum == 0 {
             return parts.map(|_| Vec::new());
         }
-        let staging = self.staging(sum);
+        let staging = self.staging(sum).unwrap_or_else(|out_of_memory| unwind(out_of_memory));
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let mut at = 0;
         for (buffer, from, bytes) in parts.into_iter().filter(|(_, _, bytes)| *bytes > 0) {
@@ -272,14 +273,19 @@ impl Device {
         value
     }
 
-    /// A buffer to read back into.
-    pub(super) fn staging(&self, bytes: u64) -> wgpu::Buffer {
-        self.device.create_buffer(&wgpu::BufferDescriptor {
+    /// A buffer in main memory to read back into. It does not count as memory of the device.
+    pub(super) fn staging(&self, bytes: u64) -> Result<wgpu::Buffer, OutOfDeviceMemory> {
+        let scope = self.device.push_error_scope(ErrorFilter::OutOfMemory);
+        let staging = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("read back"),
             size: bytes,
             usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
-        })
+        });
+        match pollster::block_on(scope.pop()) {
+            Some(error) => Err(OutOfDeviceMemory(error.to_string())),
+            None => Ok(staging),
+        }
     }
 
     /// Memory bandwidth of a copy on the device, in bytes read and written per second.

@@ -1,7 +1,7 @@
 //! The thread that drives the device.
 //!
 //! A caller hands its run over and waits. All waiting runs form a batch; runs join and leave it between
-//! chunks. Only this thread allocates memory of the device.
+//! chunks. Only this thread creates batches and runs on the device.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -17,7 +17,7 @@ use super::run_buffers::{RunBuffers, RunContents};
 use super::unwind;
 use crate::engine::{AdvanceReport, OutOfDeviceMemory};
 
-/// Target duration of a submission, in seconds. Operating systems reset an adapter that is busy for about two
+/// Target duration of a chunk, in seconds: an upper bound for each of its submissions. Operating systems reset an adapter that is busy for about two
 /// seconds.
 const MAX_SUBMISSION_S: f64 = 0.1;
 
@@ -191,17 +191,14 @@ impl Batcher {
             match command {
                 Command::Advance(requests) => self.waiting.extend(requests),
                 Command::Remove(run, map, reply) => {
-                    let removed = remove(&self.device, &self.pipelines, &mut self.arena, run, &map);
+                    let removed = self.guarded(|batcher| {
+                        remove(&batcher.device, &batcher.pipelines, &mut batcher.arena, run, &map)
+                    });
                     // The caller may be gone.
                     let _ = reply.send(removed);
                 }
                 Command::CreateBuffers(contents, reply) => {
-                    let made = catch_unwind(AssertUnwindSafe(|| self.create_buffers(&contents)));
-                    let made = made.unwrap_or_else(|panic| {
-                        // Mark before the receiver of `reply` learns of it.
-                        self.device.mark_failed();
-                        resume_unwind(panic)
-                    });
+                    let made = self.guarded(|batcher| batcher.create_buffers(&contents));
                     // The caller may be gone.
                     let _ = reply.send(made);
                 }
@@ -211,6 +208,14 @@ impl Batcher {
         if !self.waiting.is_empty() {
             self.step();
         }
+    }
+
+    /// Does what a caller waits for. A panic marks the device before the caller learns of it.
+    fn guarded<T>(&mut self, work: impl FnOnce(&mut Self) -> T) -> T {
+        catch_unwind(AssertUnwindSafe(|| work(self))).unwrap_or_else(|panic| {
+            self.device.mark_failed();
+            resume_unwind(panic)
+        })
     }
 
     /// Creates the buffers of a run, if necessary in the place of the arena.

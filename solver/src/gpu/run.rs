@@ -6,6 +6,7 @@ use super::device::Device;
 use super::layout::{Count, Moments, NONE, Particle, Pose, PrivateState, Scene, WallPair};
 use super::neighbour_list::Rows;
 use super::run_buffers::{ElementCounts, RunBuffer, RunBuffers, RunContents};
+use super::unwind;
 use super::walls::{Geometry, poses};
 use crate::cpu::SKIN_RATIO;
 use crate::engine::saved::SavedRun;
@@ -190,21 +191,23 @@ impl Run {
     }
 
     /// Makes a buffer to read back into, unless it has one.
-    pub(super) fn make_staging(&mut self, device: &Device) {
+    pub(super) fn make_staging(&mut self, device: &Device) -> Result<(), OutOfDeviceMemory> {
         let bytes = self.buffers.observed_bytes();
         if self.staging.as_ref().is_none_or(|staging| staging.size() < bytes) {
-            self.staging = Some(device.staging(bytes));
+            self.staging = None;
+            self.staging = Some(device.staging(bytes)?);
         }
+        Ok(())
     }
 
     /// Reads the data for observers, unless it is current. The last chunk has sent them on their way: a transfer of its own
     /// would wait for the chunks of other runs.
     fn read(&mut self, device: &Device) {
-        if std::mem::replace(&mut self.is_read, true) || self.buffers.observed_bytes() == 0 {
+        if self.is_read || self.buffers.observed_bytes() == 0 {
             return;
         }
         let submitted = self.read_back.take();
-        self.make_staging(device);
+        self.make_staging(device).unwrap_or_else(|out_of_memory| unwind(out_of_memory));
         let staging = self.staging.take().expect("it was made");
         let submitted = submitted.unwrap_or_else(|| self.buffers.read_back(device, &staging));
         let sizes = RunBuffer::OBSERVED.map(|part| self.buffers.bytes(part) as usize);
@@ -212,6 +215,7 @@ impl Run {
             self.take_in(sizes.map(|bytes| rest.split_off(..bytes).expect("it was copied")));
         });
         self.staging = Some(staging);
+        self.is_read = true;
     }
 
     /// Takes in the bytes of the buffers that observers read.

@@ -29,7 +29,9 @@ impl Pair {
             is_intact: class != 0,
             bond: self.bond.into(),
             contact: ContactHistory { in_contact: self.state & IN_CONTACT != 0, xi: self.xi.into() },
+            // Others are left over.
             moments: moments
+                .filter(|_| class != 0)
                 .map(|moment| MomentHistory { bending: moment.bending.into(), twist: moment.twist })
                 .unwrap_or_default(),
         }

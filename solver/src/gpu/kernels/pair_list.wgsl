@@ -8,6 +8,8 @@ const ROWS: u32 = GROUP_SIZE / LANES;
 // Neighbours of the sub-particles of a workgroup, in any order, and their numbers, which may exceed MAX_NEIGHBOURS.
 var<workgroup> found: array<array<u32, MAX_NEIGHBOURS>, ROWS>;
 var<workgroup> found_counts: array<atomic<u32>, ROWS>;
+// How many of them were found twice.
+var<workgroup> double_counts: array<atomic<u32>, ROWS>;
 
 fn add_found(r: u32, other: u32) {
     let at = atomicAdd(&found_counts[r], 1u);
@@ -80,6 +82,7 @@ fn pair_list(
     }
     if lane == 0u {
         atomicStore(&found_counts[r], 0u);
+        atomicStore(&double_counts[r], 0u);
     }
     workgroupBarrier();
     if builds {
@@ -100,6 +103,7 @@ fn pair_list(
         for (var k = lane; k < near; k += LANES) {
             if is_double[k / LANES] {
                 found[r][k] = NONE;
+                atomicAdd(&double_counts[r], 1u);
             }
         }
     }
@@ -114,13 +118,15 @@ fn pair_list(
         }
     }
     workgroupBarrier();
-    let count = atomicLoad(&found_counts[r]);
-    let fitting = min(count, min(dispatch.pair_capacity, MAX_NEIGHBOURS));
+    let found_count = atomicLoad(&found_counts[r]);
+    let fitting = min(found_count, MAX_NEIGHBOURS);
+    let count = found_count - atomicLoad(&double_counts[r]);
     if builds {
         for (var k = lane; k < fitting; k += LANES) {
             let other = found[r][k];
-            if other != NONE {
-                new_pairs[base + place_of(r, fitting, other) * scene.count] = Pair(vec3(0.0), other, vec3(0.0), 0u);
+            let place = place_of(r, fitting, other);
+            if other != NONE && place < dispatch.pair_capacity {
+                new_pairs[base + place * scene.count] = Pair(vec3(0.0), other, vec3(0.0), 0u);
             }
         }
     }
@@ -131,10 +137,11 @@ fn pair_list(
         let pair = pairs[base + at];
         var to = at;
         if builds {
-            if pair.state == 0u || !is_found(r, fitting, pair.other) {
+            let place = place_of(r, fitting, pair.other);
+            if pair.state == 0u || place >= dispatch.pair_capacity || !is_found(r, fitting, pair.other) {
                 continue;
             }
-            to = place_of(r, fitting, pair.other) * scene.count;
+            to = place * scene.count;
         }
         new_pairs[base + to] = pair;
         if has_moments(scene) {
@@ -148,13 +155,12 @@ fn pair_list(
         new_counts[i].pairs = known;
         return;
     }
-    var doubles = 0u;
-    for (var k = 0u; k < near; k++) {
-        doubles += select(0u, 1u, found[r][k] == NONE);
-    }
-    new_counts[i].pairs = min(count - doubles, dispatch.pair_capacity);
+    new_counts[i].pairs = min(count, dispatch.pair_capacity);
     // A row that is too short ends the chunk, which is repeated with longer rows.
-    if count > min(dispatch.pair_capacity, MAX_NEIGHBOURS) {
+    if count > dispatch.pair_capacity {
         atomicMax(&reports[run].pairs, count);
+    }
+    if found_count > MAX_NEIGHBOURS {
+        atomicMax(&reports[run].pairs, MAX_NEIGHBOURS + 1u);
     }
 }

@@ -151,8 +151,16 @@ fn depends_on_others(scene: Scene, state: u32, point: NearestPoint, velocity: ve
     if (state & BEYOND) != 0u {
         return true;
     }
-    let begins = (point.flags & OFF_FACET) == 0u && (state & BOTH_SIDES) == 0u;
-    return begins && changes_sides(scene, point, relative_motion(scene, point, velocity));
+    if (point.flags & OFF_FACET) != 0u {
+        return false;
+    }
+    let origin = state & BOTH_SIDES;
+    if origin != 0u {
+        // The centre comes beyond the facet, which then acts at any distance.
+        let side = side_of(point.height);
+        return side != 0u && side != origin;
+    }
+    return changes_sides(scene, point, relative_motion(scene, point, velocity));
 }
 
 // Updates the memories of a row, in `walls` and `nearest_points`. Returns how many ended at a free rim while the centre
