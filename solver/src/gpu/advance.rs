@@ -147,7 +147,7 @@ pub(super) fn chunk(
             let runs: Vec<_> = tasks.iter().map(|task| (&task.run.buffers, task.read_back())).collect();
             let submitted = arena.unload(device, &runs, longest, interval);
             for (task, report) in tasks.iter_mut().zip(&reports) {
-                task.run.read_back = Some(submitted.clone()).filter(|_| task.is_last_chunk());
+                task.run.read_back = task.read_back().map(|_| submitted.clone());
                 let drift = f32::from_bits(report.drift.0);
                 task.run.interval =
                     next_interval(interval, task.run.interval, drift, task.run.scene.half_skin);

@@ -17,8 +17,8 @@ use super::run_buffers::{RunBuffers, RunContents};
 use super::unwind;
 use crate::engine::{AdvanceReport, OutOfDeviceMemory};
 
-/// Target duration of a chunk, in seconds: an upper bound for each of its submissions. Operating systems reset an adapter that is busy for about two
-/// seconds.
+/// Target duration of a chunk, in seconds: an upper bound for each of its submissions. Operating systems reset an
+/// adapter that is busy for about two seconds.
 const MAX_SUBMISSION_S: f64 = 0.1;
 
 /// Assumed throughput before the first measurement, in particle-steps per second: that of a slow adapter.
