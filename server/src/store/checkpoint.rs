@@ -4,14 +4,13 @@
 //! separate connection copies them while the writer continues. The log restarts once all of it is copied. A writer that is never
 //! idle leaves no time for that; then it copies the rest itself, at [`LONG_LOG_PAGES`].
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use sqlx::{Connection, SqliteConnection};
 use tokio_util::sync::CancellationToken;
 
 use super::StoreError;
+use super::writer::Commits;
 
 /// Pages of 4 KiB that are worth a flush of the database.
 const MIN_PAGES: i64 = 2000;
@@ -23,10 +22,10 @@ pub(super) const LONG_LOG_PAGES: &str = "16000";
 const INTERVAL: Duration = Duration::from_millis(100);
 
 /// Copies until the writer has ended. `commits` is the number of its commits.
-pub(super) async fn run(mut connection: SqliteConnection, commits: Arc<AtomicU64>, ended: CancellationToken) {
+pub(super) async fn run(mut connection: SqliteConnection, commits: Commits, ended: CancellationToken) {
     let (mut seen, mut fails) = (0, false);
     while ended.run_until_cancelled(tokio::time::sleep(INTERVAL)).await.is_some() {
-        let now = commits.load(Ordering::Acquire);
+        let now = commits.count();
         if seen == now {
             continue;
         }

@@ -5,6 +5,7 @@ use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{AttemptOutcome, Cache, FailureClass, FilledBy, JobState};
 use roost_api::mesh::{MeshFormat, MeshView};
 use roost_api::time::Timestamp;
+use tokio_util::sync::CancellationToken;
 
 use super::database::{AssertSqlSafe, query, query_scalar, raw_sql};
 use super::migrations::migrator;
@@ -29,6 +30,7 @@ on_both_engines!(
     design_points_and_results_never_change,
     a_lease_expires_by_the_lease_clock_and_its_end_has_wall_time,
     versions_never_repeat_after_deletions,
+    versions_are_no_older_than_an_event_that_was_read,
     parts_of_an_interrupted_upload_are_removed_at_the_next_start,
 );
 
@@ -242,6 +244,32 @@ async fn versions_never_repeat_after_deletions(place: Place) {
         assert!(!seen.contains(&version), "{version:?} repeats");
         seen.push(version);
     }
+    store.close().await;
+}
+
+/// Readers see a commit before the writer knows that it has ended.
+async fn versions_are_no_older_than_an_event_that_was_read(place: Place) {
+    let store = Arc::new(place.open().await);
+    let (writing, is_over) = (store.clone(), CancellationToken::new());
+    let guard = is_over.clone().drop_guard();
+    let writer = tokio::spawn(async move {
+        let _guard = guard;
+        let insert = "INSERT INTO events (at, job_id, state, attempt, cancelling, paused)
+                      SELECT 0, CAST(count(*) AS TEXT), 'queued', 1, 0, 0 FROM events";
+        for _ in 0..1500 {
+            let done = writing
+                .writer
+                .write(move |tx| Box::pin(async move { Ok(query(insert).execute(tx).await.map(drop)?) }));
+            done.await.unwrap();
+        }
+    });
+    while !is_over.is_cancelled() {
+        let (_, newest) = store.event_range().await.unwrap();
+        let version = store.version(Subject::Everything).await.unwrap().unwrap();
+        let changed: i64 = version.split('.').next().unwrap().parse().unwrap();
+        assert!(changed >= newest, "event {newest} was read before version {version}");
+    }
+    writer.await.unwrap();
     store.close().await;
 }
 

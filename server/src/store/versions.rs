@@ -13,7 +13,7 @@ use super::database::{query, query_as, query_scalar};
 use super::workers::online_window;
 use super::{Store, StoreError};
 
-/// Cached versions, each with the number of commits when it was read. A version is valid until the next commit.
+/// Cached versions, each with the number of commits before it was read. A version is valid until the next commit begins.
 #[derive(Default)]
 pub(super) struct Cache(Mutex<HashMap<Subject, (u64, Option<String>)>>);
 
@@ -58,8 +58,8 @@ impl Store {
     /// The version of a subject: the numbers of its newest event and its newest row, each from the end of an index. Of a job, the second
     /// number is 1 while it is queued. None for a job or sweep that does not exist.
     pub(crate) async fn version(&self, subject: Subject) -> Result<Option<String>, StoreError> {
-        let commits = self.writer.commits();
-        if let Some(version) = self.versions.get(subject, commits) {
+        let commits = self.writer.commits().settled();
+        if let Some(version) = commits.and_then(|commits| self.versions.get(subject, commits)) {
             return Ok(version);
         }
         let (sql, id) = match subject {
@@ -77,7 +77,9 @@ impl Store {
         }
         let found = query.fetch_optional(&self.readers).await?;
         let version = found.map(|(changed, added)| format!("{changed}.{added}"));
-        self.versions.put(subject, commits, version.clone());
+        if let Some(commits) = commits {
+            self.versions.put(subject, commits, version.clone());
+        }
         Ok(version)
     }
 }

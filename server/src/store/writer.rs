@@ -16,7 +16,6 @@ use std::io;
 use std::path::Path;
 use std::pin::Pin;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use prometheus_client::metrics::histogram::Histogram;
@@ -25,6 +24,7 @@ use tokio::task::JoinHandle;
 use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
 
+pub(super) use commits::Commits;
 use group::{Failure, Shared, begin, execute_group, execute_large, roll_back};
 pub(super) use line::Line;
 pub(super) use outages::{Outages, STALL};
@@ -107,7 +107,7 @@ pub(super) struct Writer {
     queue: mpsc::Sender<Message>,
     task: tokio::sync::Mutex<Option<JoinHandle<()>>>,
     ended: CancellationToken,
-    commits: Arc<AtomicU64>,
+    commits: Commits,
     outages: Arc<Outages>,
     commit_seconds: Histogram,
 }
@@ -154,14 +154,9 @@ impl Writer {
         Ok(Self { queue, task: tokio::sync::Mutex::new(Some(task)), ended, commits, outages, commit_seconds })
     }
 
-    /// Number of commits that readers can see.
-    pub(super) fn commits(&self) -> u64 {
-        self.commits.load(Ordering::Acquire)
-    }
-
     /// The counter of commits.
-    pub(super) fn counter(&self) -> Arc<AtomicU64> {
-        self.commits.clone()
+    pub(super) fn commits(&self) -> &Commits {
+        &self.commits
     }
 
     /// Times in which no heartbeat could be stored.
@@ -276,12 +271,19 @@ async fn run(
         };
         let mut finished = Vec::new();
         let committed = if first.is_large() {
-            execute_large(connection, first, &mut finished).await
+            execute_large(connection, first, &mut finished, &shared.commits).await
         } else {
-            execute_group(connection, first, &mut waiting, &mut finished, &mut next).await
+            execute_group(connection, first, &mut waiting, &mut finished, &mut next, &shared.commits).await
         };
-        // Before the answers: a client that reads after its answer must not get an older version.
-        shared.commits.fetch_add(1, Ordering::Release);
+        let is_lost = match &committed {
+            Ok(_) => false,
+            Err(failure) => failure.is_late || !roll_back(connection).await,
+        };
+        // Before the answers: a client that reads after its answer must not get an older version. A commit on a lost connection may
+        // still come, until the next connection is open.
+        if !is_lost {
+            shared.commits.end();
+        }
         if line.can_break() && (committed.is_err() || began.elapsed() > STALL) {
             shared.outages.note();
         }
@@ -302,9 +304,9 @@ async fn run(
                 seconds.observe(started.elapsed().as_secs_f64());
                 answer(Ok(()));
             }
-            (Err(Failure { error, is_late }), _) => {
+            (Err(Failure { error, .. }), _) => {
                 tracing::error!(%error, pieces, "writes were not committed");
-                if is_late || !roll_back(connection).await {
+                if is_lost {
                     open = None;
                 }
                 answer(Err(error));
@@ -324,6 +326,7 @@ async fn run(
     }
 }
 
+mod commits;
 mod group;
 mod line;
 mod outages;

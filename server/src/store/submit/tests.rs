@@ -258,9 +258,9 @@ async fn other_writes_wait_for_at_most_one_submission_slice(place: Place) {
     let (other, mut longest, mut writes) = (store.clone(), 0, 0);
     let mut change = async |work: tokio::task::JoinHandle<()>| {
         while !work.is_finished() {
-            let before = other.writer.commits();
+            let before = other.writer.commits().count();
             other.writer.write(|_| Box::pin(async { Ok(()) })).await.unwrap();
-            longest = longest.max(other.writer.commits() - before);
+            longest = longest.max(other.writer.commits().count() - before);
             writes += 1;
         }
         work.await.unwrap();

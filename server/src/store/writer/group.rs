@@ -5,12 +5,12 @@
 
 use std::io;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use tokio::sync::mpsc;
 use tokio::time::timeout;
 
+use super::commits::Commits;
 use super::line::{Line, Phrases};
 use super::outages::Outages;
 use super::{Finished, Message, Next, Write};
@@ -20,8 +20,7 @@ use crate::store::database::{Connection, Engine, postgres, raw_sql};
 /// What the writer shares with the store.
 #[derive(Default)]
 pub(super) struct Shared {
-    /// Commits that readers can see.
-    pub(super) commits: Arc<AtomicU64>,
+    pub(super) commits: Commits,
     pub(super) outages: Arc<Outages>,
 }
 
@@ -83,7 +82,8 @@ pub(super) async fn begin(
             None => {
                 let open = line.open().await?;
                 // The last transaction before it may have been committed.
-                shared.commits.fetch_add(1, Ordering::Release);
+                shared.commits.begin();
+                shared.commits.end();
                 shared.outages.note();
                 open
             }
@@ -114,9 +114,11 @@ pub(super) async fn execute_large(
     connection: &mut Connection,
     piece: Box<dyn Write>,
     finished: &mut Vec<Finished>,
+    commits: &Commits,
 ) -> Result<Instant, Failure> {
     let end = if run_piece(connection, piece, finished).await? { "COMMIT" } else { "ROLLBACK" };
     let started = Instant::now();
+    commits.begin();
     execute(connection, end, postgres::STATEMENT_DEADLINE).await?;
     Ok(started)
 }
@@ -128,6 +130,7 @@ pub(super) async fn execute_group(
     waiting: &mut mpsc::Receiver<Message>,
     finished: &mut Vec<Finished>,
     next: &mut Next,
+    commits: &Commits,
 ) -> Result<Instant, Failure> {
     let mut piece = first;
     let group = Phrases::of(connection).group;
@@ -141,6 +144,9 @@ pub(super) async fn execute_group(
             (false, None) => "ROLLBACK TO piece; RELEASE piece; COMMIT",
         };
         let started = Instant::now();
+        if more.is_none() {
+            commits.begin();
+        }
         let outcome = execute(connection, sql, postgres::STATEMENT_DEADLINE).await;
         match (outcome, more) {
             (Ok(_), Some(more)) => piece = more,

@@ -75,7 +75,7 @@ async fn a_large_write_has_its_own_transaction_and_fails_alone() {
         insert(6, false, false),
     );
     assert!(done.3.is_err() && done.0.is_ok() && done.1.is_ok() && done.2.is_ok(), "{done:?}");
-    assert_eq!(writer.commits(), 5, "two writes share a commit");
+    assert_eq!(writer.commits().count(), 5, "two writes share a commit");
     let all = "SELECT group_concat(x) FROM t";
     let stored: String = writer
         .write(move |tx| Box::pin(async move { Ok(query_scalar(all).fetch_one(tx).await?) }))
