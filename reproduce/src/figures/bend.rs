@@ -171,8 +171,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             )),
     );
     rows.extend([
-        falls("steps to a larger angle as S_n grows", &of_normal),
-        falls("steps to a larger angle as S_t grows", &of_shear),
+        falls("number of steps to a larger S_n at which the bend angle rises", &of_normal),
+        falls("number of steps to a larger S_t at which the bend angle rises", &of_shear),
         Row::new(NAME, "maximum bend angle while leaving a conveyor, Table 2", "°")
             .single(results.first_response("off a ledge", "largest_bend_angle_deg"))
             .note("Fig. 4c and d; the paper compares them by eye"),
@@ -194,14 +194,14 @@ fn bar_finding(profile: &Profile, results: &Results<'_>) -> Option<String> {
         .collect();
     others.extend(angle("coarse").map(|angle| {
         format!(
-            "It is {}° over a bar of 20 mm with R = {} mm, which gives fewer layers of spheres.",
+            "The angle is {}° over a bar of 20 mm with R = {} mm. The fillet then has fewer layers of spheres.",
             rounded(angle, 0),
             significant(COARSE * profile.radius_m * 1e3)
         )
     }));
     Some(format!(
         "Over a bar of 20 mm radius, a fillet of size 2 with R = {} mm bends by {}°, less than 120°. The paper does not specify its \
-         bar. The bar and R change the angle. {}",
+         bar. The radius of the bar and R change the angle. {}",
         significant(profile.radius_m * 1e3),
         rounded(mean, 0),
         others.join(" ")

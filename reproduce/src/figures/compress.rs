@@ -116,7 +116,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     for (name, radius_m, _, _) in &BLOCKS[..2] {
         let expected = TABLE_2.0 * PI * radius_m / 2.0;
         rows.push(
-            Row::new(NAME, format!("modulus of the lattice over S_n π R/2, {name}"), "")
+            Row::new(NAME, format!("modulus of the lattice divided by S_n π R/2, {name}"), "")
                 .single(lattice_pa(name).map(|modulus| modulus / expected))
                 .demand(Demand::Near(1.0, 0.02))
                 .note(format!("the closed form gives {} kPa", significant(expected / 1e3))),
@@ -133,7 +133,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .paper(PAPERS_PA / 1e3);
         rows.push(
             row.single(to_kpa(plates_pa(name)))
-                .note("stress on the plates over their approach, strain up to 3 %"),
+                .note("slope of stress over the strain between the plates, up to a strain of 3 %"),
         );
     }
     let points = |name: &str| results.first_record(name).map(stress).unwrap_or_default();
@@ -144,12 +144,19 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .paper(PAPERS_END_PA / 1e3)
             .single(to_kpa(early))
             .note(
-                "the paper's samples start with 48.6 kPa and stiffen, so they reach 4 kPa at this strain or before",
+                "the modulus of the paper's samples is 48.6 kPa at first and then rises, so their stress reaches 4 kPa at this strain \
+                 or before",
             ),
     );
     let stiffens = stiffening(&whole);
     rows.push(
-        Row::new(NAME, format!("slope of the last over that of the first 3 % of strain, up to {END}"), "")
+        Row::new(
+            NAME,
+            format!(
+                "slope of the stress in the last 3 % of strain divided by the slope in the first 3 %, up to a strain of {END}"
+            ),
+            "",
+        )
             .paper("stiffens")
             .single(stiffens)
             .note(WHOLE),
@@ -162,8 +169,12 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .note(top.map_or_else(String::new, |top| format!("at a strain of {}", rounded(top.0, 3)))),
     );
     rows.push(
-        Row::new(NAME, format!("stress at a strain of {END} over the maximum, {PAPERS_SIZE}"), "")
-            .single(after.zip(top).map(|(after, top)| after.1 / top.1)),
+        Row::new(
+            NAME,
+            format!("stress at a strain of {END} divided by the maximum stress, {PAPERS_SIZE}"),
+            "",
+        )
+        .single(after.zip(top).map(|(after, top)| after.1 / top.1)),
     );
     let alone_pa = lattice_pa(BLOCKS[1].0);
     let mut findings = Vec::new();
@@ -185,7 +196,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     }));
     findings.extend(early.zip(stiffens).map(|(early, stiffens)| {
         format!(
-            "The block {}. The slope of its stress over the last 3 % of strain is {} times the slope over the first 3 %. At the \
+            "The block {}. The slope of stress over strain in the last 3 % of strain is {} times the slope in the first 3 %. At the \
              strain at which the paper's samples have reached 4 kPa, the stress of the block is {} kPa.",
             if stiffens > 1.0 { "stiffens, as the paper's samples do" } else { "does not stiffen" },
             rounded(stiffens, 1),

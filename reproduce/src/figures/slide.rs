@@ -171,8 +171,8 @@ fn early_sliding(angles: &Replicates, trussed: &Replicates) -> Option<String> {
         return None;
     }
     let mut text = format!(
-        "At μ = 0.5 fillets slide at a mean angle of {}°, below atan μ = {}°. The angle depends on the heading of the fillet. It \
-         ranges {}° over {} headings.",
+        "At μ = 0.5 fillets slide at a mean angle of {}°, below atan μ = {}°. The angle depends on the heading of the fillet: the \
+         range is {}° over {} headings.",
         rounded(mean.mean, 1),
         rounded(coulomb, 1),
         range_text(angles),

@@ -59,10 +59,10 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .and_then(|(auto, papers)| welch(&auto, &papers));
         let holds = difference.is_some_and(agrees);
         let quantity =
-            format!("difference of the mean mass out at {} s, auto less 5.75e-5 s", significant(t));
+            format!("difference of the mean discharged mass at {} s, auto minus 5.75e-5 s", significant(t));
         let row = Row::new(NAME, quantity, "% of the filled mass");
         let row = row.difference_of(difference, auto.values.len() + papers.values.len());
-        let row = row.demand_text("less than 3 %, or within its 95 % interval (Welch)", holds);
+        let row = row.demand_text("less than 3 %, or its 95 % interval (Welch) contains 0", holds);
         let is_wide = difference.is_some_and(|difference| difference.half_width > NEGLIGIBLE);
         rows.push(if is_wide { row.note("the interval is too wide for a conclusion") } else { row });
     }
@@ -93,8 +93,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     };
     let findings = spread(AUTO).zip(spread(PAPERS)).map(|(auto, papers)| {
         format!(
-            "Masses differ between seeds. In % of the filled mass, the standard deviation at {} s is {auto} and {papers}. Therefore \
-             the table compares means instead of single runs.",
+            "Discharged masses differ between seeds. Their standard deviation at {} s, in % of the filled mass, is {auto} and \
+             {papers}. Therefore the table compares means instead of single runs.",
             significant(profile.timestep_bed.duration_s)
         )
     });

@@ -74,7 +74,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     for other in [ON_END, ORIENTATIONS[1], ORIENTATIONS[4]] {
         let (flat, slanted) = (table_2(FLAT), table_2(other));
         let difference = flat.sample().zip(slanted.sample()).and_then(|(flat, other)| welch(&flat, &other));
-        let quantity = format!("share of bonds intact at 4 m/s, flat less {}, Table 2", other.0);
+        let quantity = format!("share of bonds intact at 4 m/s, flat minus {}, Table 2", other.0);
         let n = flat.values.len() + slanted.values.len();
         rows.push(
             Row::new(NAME, quantity, "").paper("> 0: flat spreads the load").difference_of(difference, n),
@@ -168,7 +168,7 @@ mod tests {
         let as_in_the_paper = evaluate_with(|name| if name.ends_with("flat") { 0.995 } else { 0.9 });
         assert!(as_in_the_paper.findings.is_empty(), "{:?}", as_in_the_paper.findings);
         let differences = |evaluation: &Evaluation| {
-            let rows = evaluation.rows.iter().filter(|row| row.quantity.contains("flat less"));
+            let rows = evaluation.rows.iter().filter(|row| row.quantity.contains("flat minus"));
             rows.map(|row| rounded(row.measured.as_f64().unwrap(), 3)).collect::<Vec<_>>()
         };
         assert_eq!(differences(&as_in_the_paper), ["0.095", "0.095", "0.095"]);

@@ -101,8 +101,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         let share = if percent < 100.0 { format!("at least {} %", significant(percent)) } else { "all".to_owned() };
         format!(
             "In the paper, under 5 % of the bonds stay intact at the smallest scale. Roost does not reproduce this loss: {share} of \
-             the bonds stay intact with every seed. The paper's text gives the smallest scale once as 0.25 and once as 1. It also \
-             reports 100 % intact bonds at the chosen scale 1."
+             the bonds stay intact with every seed. The paper's text gives the smallest scale once as 0.25 and once as 1. The text \
+             also reports 100 % intact bonds at the chosen scale 1."
         )
     }));
     findings.extend(first_fall(&times).map(|((from, before), (to, after))| {

@@ -65,7 +65,9 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             Row::new(NAME, quantity, "").replicates(&share).note(fillets_note(profile, results, &name)),
         );
     }
-    for (multiple, papers) in [(MULTIPLES[2].0, "more than softer"), (MULTIPLES[0].0, "less than stiffer")] {
+    for (multiple, papers) in
+        [(MULTIPLES[2].0, "more than with softer bonds"), (MULTIPLES[0].0, "fewer than with stiffer bonds")]
+    {
         let name = speed_name(multiple, ON_END, FAST_M_S);
         rows.push(
             Row::new(NAME, format!("the same on end at 4 m/s, {multiple}"), "")
@@ -83,12 +85,15 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         rows.push(
             Row::new(
                 NAME,
-                format!("steps to a faster impact with more bonds intact, {multiple}, {}", orientation.0),
+                format!(
+                    "number of steps to a faster impact after which more bonds stay intact, {multiple}, {}",
+                    orientation.0
+                ),
                 "",
             )
             .paper("none")
             .value(Some(rises.len() as f64), n)
-            .note(format!("of {} steps; only significant ones count", line.len().saturating_sub(1))),
+            .note(format!("of {} steps; only significant increases count", line.len().saturating_sub(1))),
         );
         findings.extend(rises.into_iter().map(|((from, before), (to, after))| {
             format!(

@@ -107,7 +107,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         rows.push(
             Row::new(
                 NAME,
-                format!("settle time at S_t = S_n over the minimum at other S_t, S_n {normal:e} N/m³"),
+                format!("settle time at S_t = S_n divided by the minimum at other S_t, S_n {normal:e} N/m³"),
                 "",
             )
             .paper("up to 5")
@@ -162,8 +162,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     ]);
     findings.extend(maximum.filter(|ratio| ratio.mean + ratio.half_width < 5.0).map(|ratio| {
         format!(
-            "In the paper, fillets with balanced stiffnesses (S_t = S_n) take up to five times longer to settle. Roost does not \
-             reproduce this factor: at equal S_n the maximum ratio of the settle times is {} ± {}.",
+            "In the paper, fillets with balanced stiffnesses (S_t = S_n) take up to five times longer to settle than fillets with \
+             other S_t. Roost does not reproduce this factor: in Roost, the maximum ratio of the two settle times is {} ± {}.",
             rounded(ratio.mean, 2),
             rounded(ratio.half_width, 2)
         )
@@ -172,7 +172,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         shortest.filter(|((normal, shear), _)| normal.max(*shear) > TABLE_2.0 || normal == shear).map(
             |(pair, _)| {
                 format!(
-                    "The minimum settle time is at {}. In the paper it is at low, unbalanced stiffnesses.",
+                    "In Roost, the minimum settle time is at {}. In the paper, the minimum is at low, unbalanced stiffnesses.",
                     at(pair.0, pair.1)
                 )
             },
@@ -185,11 +185,13 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     let unsettled =
         count(&|name| results.planned(name) > 0 && settle_s(results, name).complete_sample().is_none());
     if unsettled > 0 {
-        findings.push(format!("Some fillets do not settle at {unsettled} of {total} pairs of stiffnesses. No ratio uses these pairs."));
+        findings.push(format!("Some fillets do not settle at {unsettled} of {total} pairs of stiffnesses. The ratios of settle times \
+                               do not use these pairs."));
     }
     let broken = count(&|name| intact(results, name).mean().is_some_and(|share| share <= WHOLE));
     if broken > 0 {
-        findings.push(format!("More than 1 % of the bonds break at {broken} of {total} pairs of stiffnesses. No ratio uses these pairs."));
+        findings.push(format!("More than 1 % of the bonds break at {broken} of {total} pairs of stiffnesses. The ratios of settle \
+                               times do not use these pairs."));
     }
     let lines = |sample: &dyn Fn(&str) -> Option<Sample>| {
         let each = grid.iter().enumerate().map(|(colour, shear)| {

@@ -70,7 +70,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .replicates(&at_4_s)
             .demand(Demand::Near(PAPERS_DISCHARGED_KG, 0.07 * PAPERS_DISCHARGED_KG))
             .note(format!(
-                "circular: the hopper's width was inferred from this number, so this is a check of consistency and no validation. {bed_text}"
+                "circular: the hopper's width was derived from this number, so this row checks consistency and does not validate the \
+                 model; {bed_text}"
             )),
         Row::new(NAME, "loaded", "kg")
             .paper(PAPERS_LOADED_KG)
@@ -79,14 +80,14 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         Row::new(NAME, "share of the loaded mass discharged at 4 s", "")
             .paper(PAPERS_DISCHARGED_KG / PAPERS_LOADED_KG)
             .replicates(&share)
-            .note("circular like the mass at 4 s; the paper calls 33.2 of 38.21 kg fully discharged"),
+            .note("circular like the mass at 4 s; the paper calls the hopper fully discharged after 33.2 of 38.21 kg"),
         Row::new(NAME, "time until 95 % of the filled mass is discharged", "s").replicates(&seeds("time_to_95_percent_s")),
         Row::new(NAME, "bulk density of the bed at rest", "kg/m³")
             .paper((PAPERS_LOADED_KG / PAPERS_VOLUME_M3).round())
             .replicates(&seeds("bulk_density_kg_m3"))
             .note(
-                "paper: 38.21 kg in 0.0407 m³. Here: filled mass divided by hopper area times bed height; over 95 % of the floor, \
-                 the bed is not higher than this bed height",
+                "paper: 38.21 kg in 0.0407 m³. Roost: filled mass divided by the volume of the bed, which is hopper area times bed \
+                 height; on 95 % of the floor, the bed is at most as high as the bed height",
             ),
         Row::new(NAME, "simulated time until the filled hopper is at rest", "s")
             .paper(4.0)
@@ -99,8 +100,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .paper(7.6)
             .replicates(&scaled("effective_throughput_kg_s"))
             .note(
-                "95 % of the filled mass over the time until it is discharged; the paper does not define its number, which depends on the \
-                 inferred width like the mass at 4 s",
+                "95 % of the filled mass, divided by the time until this mass is discharged; the paper does not define its number; \
+                 like the mass at 4 s, the throughput depends on the derived width",
             ),
         Row::new(NAME, "mean rate from 0.5 s until 80 % is discharged", "kg/s").replicates(&scaled("mean_rate_kg_s")),
         Row::new(NAME, "wall time of 10 simulated seconds", "min").paper(9.0).replicates(&minutes).note(
@@ -116,8 +117,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     ];
     let mut findings = vec![
         "The mass of 33.2 kg in 4 s does not validate the model. The paper's text does not give the hopper's dimensions, so the width \
-         was derived from this mass. The derivation assumes a layer of 6 cm with 940 kg/m³ and a speed of 0.25 m/s, which carries \
-         14.1 kg/s per metre of width."
+         was derived from this mass. The derivation assumes a layer of 6 cm with 940 kg/m³ and a speed of 0.25 m/s. This layer \
+         carries 14.1 kg/s per metre of width."
             .to_owned(),
     ];
     let until = seeds("time_to_95_percent_s");

@@ -73,21 +73,21 @@ fn cause_finding(dry: &Replicates, frictions: &[(f64, Replicates)], sticky: &Rep
     let reduced: Vec<String> = frictions
         .iter()
         .map(|(friction, seeds)| {
-            Some(format!("{} kg/s ({})", rounded(seeds.mean()?, 2), significant(*friction)))
+            Some(format!("{} kg/s (at {})", rounded(seeds.mean()?, 2), significant(*friction)))
         })
         .collect::<Option<_>>()?;
     let minimum = frictions.iter().filter_map(|(_, rates)| rates.mean()).reduce(f64::min)?;
     let mut text = format!(
-        "At 6 cm, dry, the mean rate is {} kg/s with a belt friction of 0.5. With a lower friction (in brackets), the rate is {}. A \
-         surface energy of {STICKY_J_M2} J/m² in all contacts, in place of 0.055 J/m², changes the rate to {} kg/s.",
+        "At 6 cm, dry, the mean rate is {} kg/s with a belt friction of 0.5. With a lower belt friction, the rate is {}. A surface \
+         energy of {STICKY_J_M2} J/m² in all contacts, in place of 0.055 J/m², changes the rate to {} kg/s.",
         rounded(dry_kg_s, 2),
         reduced.join(", "),
         rounded(sticky_kg_s, 2)
     );
     if minimum < sticky_kg_s && minimum < dry_kg_s {
         text.push_str(
-            " In the model, lower traction of the belt therefore slows the flow more than adhesion does. The paper names both causes. \
-             The paper's friction was measured on a steel plate, not on its modular belt.",
+            " In the model, lower traction of the belt therefore slows the flow more than adhesion does. The paper names both lower \
+             traction and adhesion as causes. The paper's friction was measured on a steel plate, not on its modular belt.",
         );
     }
     Some(text)
@@ -123,9 +123,12 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             _ => row.note("reported without a demand"),
         });
         if !is_papers && n > 0 {
-            findings.push(format!("At {name}, the paper's regime is {papers}. In Roost it is {words} runs."));
+            findings.push(format!(
+                "At {name}, the regime in the paper is {papers}. The regime in Roost is {words} runs."
+            ));
         }
-        let row = Row::new(NAME, format!("minimum rate over 1 s, over the belt's capacity, at {name}"), "");
+        let row =
+            Row::new(NAME, format!("minimum rate over 1 s, divided by the belt capacity, at {name}"), "");
         let row = row.replicates(&results.response(name, "lowest_rate_ratio"));
         rows.push(row.note("the regime is no flow below 0.15, and inconsistent from 0.15 to 0.55"));
     }
@@ -145,10 +148,10 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .note(bed_text(&profile.bed)),
     );
     rows.push(
-        Row::new(NAME, "mean rate at 4.5 cm over that at 6 cm, dry", "")
+        Row::new(NAME, "mean rate at 4.5 cm divided by the mean rate at 6 cm, dry", "")
             .difference_of(over, narrow.values.len() + wide.values.len())
             .demand_text(
-                "0.75 within its 95 % interval, which is at most ± 0.1",
+                "the 95 % interval contains 0.75 and is at most ± 0.1",
                 over.is_some_and(|over| over.contains(0.75) && over.half_width <= 0.1),
             )
             .note("0.75 is 4.5 / 6, the ratio of the openings"),
@@ -214,7 +217,8 @@ mod tests {
         let text = cause_finding(&seeds(8.0), &frictions(1.0), &seeds(7.5)).unwrap();
         assert!(
             text.contains(
-                "8.00 kg/s with a belt friction of 0.5. With a lower friction (in brackets), the rate is 6.00 kg/s (0.3), 1.00 kg/s (0.1)"
+                "8.00 kg/s with a belt friction of 0.5. With a lower belt friction, the rate is 6.00 kg/s (at 0.3), 1.00 kg/s (at \
+                 0.1)"
             ),
             "{text}"
         );
@@ -239,7 +243,7 @@ mod tests {
             let of = |quantity: &str| {
                 evaluation.rows.iter().find(|row| row.quantity.starts_with(quantity)).unwrap().holds.unwrap()
             };
-            (of("mean rate at 4.5 cm, dry"), of("mean rate at 4.5 cm over"))
+            (of("mean rate at 4.5 cm, dry"), of("mean rate at 4.5 cm divided"))
         };
         assert_eq!(verdicts(&evaluation(5.9)), (true, true));
         assert_eq!(verdicts(&evaluation(7.0)), (true, false));
