@@ -243,9 +243,9 @@ class Bonds(TypedDict, total=False):
     Default: "corotated"."""
     moment_stiffness_factor: float
     """Factor of the bending and twisting stiffness of a bond. 0: bonds carry no moments, as in the paper. 1: the
-    stiffnesses S_n I and S_t J, as for the parallel bond of Potyondy and Cundall 2004. I and J are the second moments
-    of area of the bond's cross-section, for bending and twisting. Source: assumed. Default: 0.0. Range: ≥ 0 and ≤ 10.
-    """
+    bending stiffness is S_n I and the twisting stiffness is S_t J, as for the parallel bond of Potyondy and Cundall
+    2004. I and J are the second moments of area of the bond's cross-section, for bending and twisting. Source: assumed.
+    Default: 0.0. Range: ≥ 0 and ≤ 10."""
     normal_stiffness_n_m3: float
     """Stiffness S_n of a bond along its length, per unit area. Unit: N/m³. Source: Table 2. Default: 1000000.0. Range:
     > 0 and ≤ 1000000000000."""
@@ -253,9 +253,9 @@ class Bonds(TypedDict, total=False):
     """Stress along a bond at which the bond breaks. Null: no stress along the bond breaks it. Unit: Pa. Source: Table 2
     has 1e300. Default: null. Range: > 0 and ≤ 1e+300."""
     reference_radius_m: float | None
-    """Radius R_ref of the sub-particles for which S_n and S_t are given. At another radius R, Roost multiplies both by
-    R_ref / R, so that the lattice keeps its modulus. Null: no factor. Unit: m. Source: section 2.2. Default: 0.004.
-    Range: ≥ 0.0005 and ≤ 0.05."""
+    """Radius R_ref of the sub-particles for which S_n and S_t are given. At another radius R, Roost multiplies S_n and
+    S_t by R_ref / R, so that the lattice keeps its modulus. Null: Roost uses S_n and S_t unchanged at every radius.
+    Unit: m. Source: section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤ 0.05."""
     shear_stiffness_n_m3: float
     """Stiffness S_t of a bond across its length (shear), per unit area. Unit: N/m³. Source: Table 2. Default: 600000.0.
     Range: ≥ 0 and ≤ 1000000000000."""
@@ -281,8 +281,8 @@ class HopperContact(TypedDict, total=False):
     """These values apply to contacts between sub-particles."""
     fillet_fillet_radius_ratio: float
     """Radius of a sub-particle in contacts with other fillets, divided by `/product/subparticle_radius_m`. At 1, a
-    sub-particle of one fillet can slip between the sub-particles of another fillet. At 1.225 it cannot. Source:
-    assumed. Default: 1.0. Range: ≥ 1 and ≤ 1.5."""
+    sub-particle of one fillet can slip between the sub-particles of another fillet. At 1.225, a sub-particle is too
+    large to slip through. Source: assumed. Default: 1.0. Range: ≥ 1 and ≤ 1.5."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ
     R/R₀. A surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: the energy is γ at
@@ -375,8 +375,8 @@ class SceneContact(TypedDict, total=False):
     """These values apply to contacts between sub-particles."""
     fillet_fillet_radius_ratio: float
     """Radius of a sub-particle in contacts with other fillets, divided by `/product/subparticle_radius_m`. At 1, a
-    sub-particle of one fillet can slip between the sub-particles of another fillet. At 1.225 it cannot. Source:
-    assumed. Default: 1.0. Range: ≥ 1 and ≤ 1.5."""
+    sub-particle of one fillet can slip between the sub-particles of another fillet. At 1.225, a sub-particle is too
+    large to slip through. Source: assumed. Default: 1.0. Range: ≥ 1 and ≤ 1.5."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ
     R/R₀. A surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: the energy is γ at
@@ -391,7 +391,7 @@ class HopperEquipment(TypedDict, total=False):
     """Speed of the belt from t = 0 on. The paper's belt runs at 15 m/min. If `parametric` is false, the belt in
     `surfaces` has a speed of its own. Unit: m/s. Source: section 2.4. Default: 0.25. Range: ≥ 0 and ≤ 10."""
     feed_kg_s: float
-    """Mass of fillets per second that enters from above, from t = 0 on. The fillets start at the height
+    """Mass of the fillets that enter from above per second, from t = 0 on. The fillets start at the height
     `hopper_height_m`, at random places where they touch nothing. 0: no feed. Unit: kg/s. Source: assumed. Default: 0.0.
     Range: ≥ 0 and ≤ 1000."""
     gate_opening_m: float

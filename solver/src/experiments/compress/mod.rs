@@ -38,8 +38,8 @@ const RESPONSES: &[Response] = &[
         "Modulus: the slope of a straight line through stress over strain, from `modulus_from_strain` to `modulus_to_strain`. The \
          strain is that between the plates. Null if fewer than three samples are in this range.").headline(),
     number("modulus_lattice_pa", "Pa",
-        "The same slope, with the strain between the centres of the block's outermost layers. An extensometer measures this strain. \
-         Null for a block of one layer.").headline(),
+        "Modulus as in `modulus_pa`, but with the strain between the centres of the block's outermost layers. An extensometer \
+         measures this strain. Null for a block of one layer.").headline(),
     number("stress_at_end_pa", "Pa", "Stress at the end."),
     number("largest_strain", "", "Strain between the plates at the end."),
     number("plate_imbalance_fraction", "",

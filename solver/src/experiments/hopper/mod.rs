@@ -44,8 +44,8 @@ const RESPONSES: &[Response] = &[
     number("effective_throughput_kg_s", "kg/s",
         "95 % of the filled mass, divided by the time until this mass was out. Null if less than 95 % came out. The paper gives 7.6 \
          kg/s without a definition, so this definition is an assumption.").headline(),
-    number("mean_rate_kg_s", "kg/s", "Mean rate from 0.5 s until 80 % is out. The first 0.5 s do not count, because fillets spill out \
-                                      when the shutter opens.").headline(),
+    number("mean_rate_kg_s", "kg/s", "Mean rate from 0.5 s until 80 % of the filled mass is out. The first 0.5 s do not count, \
+                                      because fillets spill out when the shutter opens.").headline(),
     indicator("jammed",
         "Whether the hopper jammed: nothing passed the gate for `jam_after_s` (or `when_jammed_s`, if shorter), while at least 5 % of \
          the filled mass was inside. A jam counts even if the flow starts again later. Null if the simulation was shorter than this \
@@ -72,19 +72,21 @@ const RESPONSES: &[Response] = &[
     number("peak_rate_kg_s", "kg/s",
         "Maximum of the 1 s running mean of the rate. The series `mass_rate` is a mean over 0.25 s, so its maximum is higher."),
     number("rate_variation", "",
-        "Standard deviation of the 1 s running mean of the rate, divided by its mean. Both are taken from 0.5 s until 80 % is out."),
+        "Standard deviation of the 1 s running mean of the rate, divided by its mean. Both are taken from 0.5 s until 80 % of the \
+         filled mass is out."),
     boolean("steady", "Whether `rate_variation` is under 0.2."),
     number("longest_stoppage_s", "s",
-        "Longest time during which the rate (mean over 0.25 s) stays below 0.15 × `belt_capacity_kg_s`, until 80 % is out."),
+        "Longest time during which the rate (mean over 0.25 s) stays below 0.15 × `belt_capacity_kg_s`, before 80 % of the filled \
+         mass is out."),
     number("belt_capacity_kg_s", "kg/s",
         "Rate that the belt carries when the opening is full: `bulk_density_kg_m3` × `belt_speed_m_s` × `hopper_width_m` × \
          `gate_opening_m`. If `parametric` is false: `bulk_density_kg_m3` × velocity of the belt's surface × `opening_width_m` × \
          `opening_height_m`; null if one of these fields is null."),
     number("lowest_rate_ratio", "", "The ratio q: minimum of the 1 s running mean of the rate, divided by `belt_capacity_kg_s`. The \
-                                     minimum is taken from 0.5 s until 80 % is out."),
+                                     minimum is taken from 0.5 s until 80 % of the filled mass is out."),
     number("linearity_r2", "", "R² of a straight line through the series `discharged_mass`, from 0 to `linearity_until_s`."),
-    number("linearity_until_s", "s", "Time at which the straight line of `linearity_r2` ends: 4 s, or earlier if 80 % was out or the \
-                                      simulation ended."),
+    number("linearity_until_s", "s", "Time at which the straight line of `linearity_r2` ends: 4 s, or earlier if 80 % of the filled \
+                                      mass was out or the simulation ended."),
     number("greatest_height_m", "m",
         "Height of the highest fillet that is in the hopper at the end. A fillet that hangs on a wall also counts."),
     number("residence_mean_s", "s",
@@ -93,12 +95,15 @@ const RESPONSES: &[Response] = &[
     number("residence_5_percent_s", "s",
         "Residence time that 5 % of the fillets do not exceed, by the estimator of Kaplan and Meier. For this estimator, fillets \
          still inside have a residence time longer than their time so far."),
-    number("residence_median_s", "s", "The same for 50 % of the fillets; null if `residence_share` ends below 50 %."),
-    number("residence_95_percent_s", "s", "The same for 95 % of the fillets; null if `residence_share` ends below 95 %."),
+    number("residence_median_s", "s", "Residence time that 50 % of the fillets do not exceed; null if the curve `residence_share` \
+                                       ends below 50 %."),
+    number("residence_95_percent_s", "s", "Residence time that 95 % of the fillets do not exceed; null if the curve `residence_share` \
+                                           ends below 95 %."),
     number("fillets_remaining", "", "Number of fillets in the hopper at the end: their centre of mass has not passed the gate plane."),
     number("curl_angle_deg", "°",
-        "Mean bend angle of the fillets within 0.2 m past the gate, over all samples until 80 % is out. The bend angle is the angle \
-         between the directions of the two ends. It is 0° for a flat fillet, and 180° for a fillet that is folded double."),
+        "Mean bend angle of the fillets within 0.2 m past the gate, over all samples until 80 % of the filled mass is out. The bend \
+         angle is the angle between the directions of the two ends. It is 0° for a flat fillet, and 180° for a fillet that is folded \
+         double."),
     number("largest_curl_angle_deg", "°", "Maximum bend angle of the fillets that count for `curl_angle_deg`."),
     number("fed_kg", "kg", "Mass that the feed has brought in. This mass is less than `feed_kg_s` × time if fillets found no free \
                             place above the hopper. The result then has the warning `feed_short`."),
@@ -111,12 +116,12 @@ const RESPONSES: &[Response] = &[
     MAX_OVERLAP_RATIO,
     ESCAPED_KG,
     PASSED_THROUGH,
-    number("mean_belt_power_w", "W", "Mean of the series `belt_power` until 80 % is out. With a feed: mean over the second half of \
-                                      the time from t = 0 on."),
+    number("mean_belt_power_w", "W", "Mean of the series `belt_power` until 80 % of the filled mass is out. With a feed: mean over \
+                                      the second half of the time from t = 0 on."),
     number("max_belt_power_w", "W", "Maximum of the series `belt_power`."),
     number("mean_gate_force_n", "N",
-        "Mean force on the surface named `gate` until 80 % is out. With a feed: mean over the second half of the time from t = 0 on. \
-         Null without a surface of this name."),
+        "Mean force on the surface named `gate` until 80 % of the filled mass is out. With a feed: mean over the second half of the \
+         time from t = 0 on. Null without a surface of this name."),
     number("max_gate_force_n", "N", "Maximum force on the surface named `gate`, over all samples."),
     WARNING_COUNT,
 ];

@@ -49,7 +49,7 @@ const WHOLE_SPHERES: WarningKind = kind(
 );
 const THIN_FILLET: WarningKind = kind(
     "thin_fillet",
-    "A fillet has fewer than four layers of sub-particles in its thickness. Its bending and the flow then depend on R.",
+    "A fillet has fewer than four layers of sub-particles in its thickness. The bending of the fillet and the flow then depend on R.",
     "Choose a smaller /product/subparticle_radius_m, or compare two radii.",
 );
 const SOFT_TISSUE: WarningKind = kind(
@@ -83,7 +83,7 @@ const BROKEN_BONDS: WarningKind = kind(
 const DEEP_OVERLAP: WarningKind = kind(
     "deep_overlap",
     "`max_overlap_ratio` is above 1: the centres of two sub-particles without a bond were closer than R.",
-    "If it happens during the fill of a hopper, do nothing. Otherwise raise /material/youngs_modulus_pa, or reduce \
+    "If this overlap occurs during the fill of a hopper, do nothing. Otherwise raise /material/youngs_modulus_pa, or reduce \
      /numerics/timestep_s or the speed of impacts.",
 );
 const DENSE_BED: WarningKind = kind(
@@ -115,8 +115,8 @@ pub(super) const NO_REGIME: WarningKind = kind(
 /// A feed that did not bring its mass.
 pub(super) const FEED_SHORT: WarningKind = kind(
     "feed_short",
-    "The fed mass `fed_kg` is too small, because fillets found no free place over the hopper. More than 1 % of the mass that \
-     `feed_kg_s` demands is missing, and more than one fillet.",
+    "The fed mass `fed_kg` is too small, because fillets found no free place over the hopper. The missing mass is more than 1 % of \
+     the mass that `feed_kg_s` demands, and more than one fillet.",
     "Reduce /equipment/feed_kg_s or /numerics/output_interval_s, or raise the rate at which the belt carries mass away.",
 );
 

@@ -61,17 +61,17 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/bonds/shear_stiffness_n_m3", "N/m³", 6e5, from_to(0.0, 1e12), "Table 2",
         "Stiffness S_t of a bond across its length (shear), per unit area."),
     field("/bonds/reference_radius_m", FieldKind::Nullable(from_to(5e-4, 0.05)), "m", Preset::Number(0.004), "section 2.2",
-        "Radius R_ref of the sub-particles for which S_n and S_t are given. At another radius R, Roost multiplies both by R_ref / R, \
-         so that the lattice keeps its modulus. Null: no factor."),
+        "Radius R_ref of the sub-particles for which S_n and S_t are given. At another radius R, Roost multiplies S_n and S_t by \
+         R_ref / R, so that the lattice keeps its modulus. Null: Roost uses S_n and S_t unchanged at every radius."),
     number("/bonds/contact_radius_ratio", "", 1.732, above_to(1.0, 1.732), "Table 2",
         "Contact radius divided by the radius of a sub-particle. A bond breaks when it is longer than twice the contact radius. Keep \
          the ratio below √3."),
     number("/bonds/disk_scale", "", 1.0, above_to(0.0, 2.0), "assumed",
         "Radius R_b of the cross-section of a bond, divided by the radius R of a sub-particle."),
     number("/bonds/moment_stiffness_factor", "", 0.0, from_to(0.0, 10.0), "assumed",
-        "Factor of the bending and twisting stiffness of a bond. 0: bonds carry no moments, as in the paper. 1: the stiffnesses S_n \
-         I and S_t J, as for the parallel bond of Potyondy and Cundall 2004. I and J are the second moments of area of the bond's \
-         cross-section, for bending and twisting."),
+        "Factor of the bending and twisting stiffness of a bond. 0: bonds carry no moments, as in the paper. 1: the bending stiffness \
+         is S_n I and the twisting stiffness is S_t J, as for the parallel bond of Potyondy and Cundall 2004. I and J are the second \
+         moments of area of the bond's cross-section, for bending and twisting."),
     flag("/bonds/contact_between_bonded", true, "assumed",
         "Whether two neighbours with a bond also have a contact force, as in the commercial software that the paper used."),
     nullable("/bonds/normal_strength_pa", "Pa", STRENGTH, "Table 2 has 1e300",

@@ -77,7 +77,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     flag("/equipment/shutter_while_filling", true, "assumed",
         "Whether a shutter closes the opening until the belt starts."),
     number("/equipment/feed_kg_s", "kg/s", 0.0, from_to(0.0, 1000.0), "assumed",
-        "Mass of fillets per second that enters from above, from t = 0 on. The fillets start at the height `hopper_height_m`, at \
+        "Mass of the fillets that enter from above per second, from t = 0 on. The fillets start at the height `hopper_height_m`, at \
          random places where they touch nothing. 0: no feed."),
     flag("/equipment/parametric", true, "assumed",
         "True: Roost makes belt, walls, gate and shutter from the fields of this table. False: the hopper consists only of \
