@@ -64,8 +64,8 @@ pub(crate) struct ServerArgs {
     #[arg(long, default_value_t = ServerConfig::default().max_checkpoint_bytes >> 20, value_name = "MIB", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     checkpoint_limit_mib: u64,
     /// Maximum size of all filled states together. A filled state is the start of all jobs with the same fill. Above the maximum, the
-    /// server deletes the states that have been unused for the longest time. 0 stores none: each worker then shares fills only between its
-    /// own jobs
+    /// server deletes the states that have been unused for the longest time. With 0, the server stores no filled states, and each worker
+    /// shares fills only between its own jobs
     #[arg(long, default_value_t = ServerConfig::default().fill_limit_bytes >> 20, value_name = "MIB", value_parser = clap::value_parser!(u64).range(0..=1_000_000_000))]
     fills_limit_mib: u64,
     /// Delete filled states this long after their last use, such as 12h or 30d

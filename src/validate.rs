@@ -18,8 +18,9 @@ use crate::{forecast, measurements, target};
 /// Check a scenario, a sweep, a study or measurements without simulating
 ///
 /// Prints the cost (sub-particles, time steps, memory), a description of the meshes, and a forecast. The forecast has the number of runs,
-/// the hours of processor time and the time of completion, each as a range. It is for this machine, or with `--server` for the workers of a
-/// server. For an invalid document, the command prints every fault with its JSON pointer, the value found and the allowed values.
+/// the hours of processor time and the time of completion, each as a range. The forecast is for this machine, or with `--server` for the
+/// workers of a server. For an invalid document, the command prints every fault with its JSON pointer, the value found and the allowed
+/// values.
 ///
 /// For measurements, the command prints the tests and their numbers in the units of the results, without a cost.
 #[derive(Debug, clap::Args)]

@@ -43,8 +43,8 @@ pub(crate) struct WorkerArgs {
     #[command(flatten)]
     device: DeviceArgs,
     /// Number of jobs at the same time: `auto`, or a number from 1 to 1024. On a CPU, the jobs share the threads. On a GPU, the jobs form
-    /// one batch, as far as its memory allows. With `auto`, each job on a CPU gets one thread, and more threads while the queue has fewer
-    /// jobs than there are threads. On a GPU, `auto` is 16
+    /// one batch, as far as the memory of the GPU allows. With `auto` on a CPU, each job gets one thread. Each job gets more threads while
+    /// the queue has fewer jobs than there are threads. With `auto` on a GPU, the number is 16
     #[arg(long, default_value = "auto", value_name = "N", value_parser = slots)]
     slots: Slots,
     /// Seconds that running jobs may continue after a signal, before they return to the queue. Keep this time 10 s below the time after

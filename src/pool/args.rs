@@ -21,9 +21,10 @@ const MIN_TIME_LIMIT: Duration = Duration::from_secs(180);
 /// Submit workers to Slurm while queued jobs need them
 ///
 /// The pool runs in the foreground on any machine that has `sbatch`; the server may be on another machine. Each allocation is a batch job
-/// of Slurm. It runs `roost work`, and ends when it has had no job for --idle-timeout. A minute before the time limit, and after scancel or
-/// preemption, its workers store checkpoints and hand their jobs back. Ctrl-C or SIGTERM ends the pool, but its allocations continue. The
-/// same command finds and uses them again. The token needs the scopes `read` and `worker`.
+/// of Slurm. An allocation runs `roost work`, and ends when it has had no job for --idle-timeout. A minute before the time limit, and after
+/// scancel or preemption, the workers of an allocation store checkpoints and hand their jobs back. Ctrl-C or SIGTERM ends the pool, but its
+/// allocations continue. If you start the pool again with the same command, it finds these allocations and uses them. The token needs the
+/// scopes `read` and `worker`.
 #[derive(Debug, clap::Args)]
 pub(super) struct SlurmArgs {
     #[command(flatten)]

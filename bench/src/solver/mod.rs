@@ -53,7 +53,7 @@ pub(super) struct Args {
     /// File with the bed to time, instead of the beds above: lines of `id x y z`, in metres
     #[arg(long, value_name = "FILE")]
     bed: Option<PathBuf>,
-    /// Bonds of the bed: lines of `i j`, line numbers of the bed from 1
+    /// File with the bonds of the bed: lines of `i j`, where i and j are line numbers in the file of --bed, counted from 1
     #[arg(long, value_name = "FILE", requires = "bed")]
     bonds: Option<PathBuf>,
     /// A scenario of the experiment `hopper` with the sub-particles, material, bonds, contacts and time step of the beds; the default has sub-particles of 4 mm radius
