@@ -157,9 +157,9 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             ),
             "",
         )
-            .paper("stiffens")
-            .single(stiffens)
-            .note(WHOLE),
+        .paper("stiffens")
+        .single(stiffens)
+        .note(WHOLE),
     );
     let (top, after) = (maximum(&small), small.last().copied());
     rows.push(
