@@ -182,7 +182,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         format!(
             "Roost does not reproduce the modulus of 48.6 kPa. A block with the parameters of Table 2 has {} % of this modulus. The \
              paper used the measured modulus of the tissue as the modulus of a sub-particle. The stiffness of a block, however, comes \
-             from its bonds.",
+             mostly from its bonds.",
             rounded(100.0 * modulus / PAPERS_PA, 0)
         )
     }));
