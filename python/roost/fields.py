@@ -396,7 +396,8 @@ class HopperEquipment(TypedDict, total=False):
     Range: ≥ 0 and ≤ 1000."""
     gate_opening_m: float
     """Height of the gate's lower edge above the belt. If `parametric` is false, this field has no effect: see
-    `opening_height_m`. Unit: m. Source: Fig. 5. Default: 0.06. Range: ≥ 0.001 and ≤ 5."""
+    `opening_height_m`. Roost then refuses a value that differs from the default and from `opening_height_m`. Unit: m.
+    Source: Fig. 5. Default: 0.06. Range: ≥ 0.001 and ≤ 5."""
     hopper_height_m: float
     """Height of the hopper walls above the belt. Unit: m. Source: assumed. Default: 0.5. Range: ≥ 0.01 and ≤ 10."""
     hopper_length_m: float

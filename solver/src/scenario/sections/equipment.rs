@@ -57,7 +57,8 @@ pub enum SideWalls {
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/equipment/gate_opening_m", "m", 0.06, from_to(0.001, 5.0), "Fig. 5",
-        "Height of the gate's lower edge above the belt. If `parametric` is false, this field has no effect: see `opening_height_m`.")
+        "Height of the gate's lower edge above the belt. If `parametric` is false, this field has no effect: see `opening_height_m`. \
+         Roost then refuses a value that differs from the default and from `opening_height_m`.")
         .acts_from_start(),
     number("/equipment/hopper_width_m", "m", 0.59, from_to(0.01, 10.0), "derived",
         "Inner width of the hopper across the belt (y), derived from the paper's discharge of 33.2 kg in 4 s."),
