@@ -145,7 +145,7 @@ fn sobol_indices_of_levels_and_whole_numbers_are_those_in_closed_form() {
     let goal = json!({"sensitivity": {"of": [{"mean": "y"}], "width": 0.4}});
     let question = asked(&[count(1, 4), walls(), x], goal, 20_000);
     let mut hits = [0.0; 6];
-    const REPETITIONS: u64 = 60;
+    const REPETITIONS: u64 = 30;
     for seed in 0..REPETITIONS {
         let simulate = |coordinates: &[f64], replicate: u32| {
             let at = numbers(&question.factors, coordinates);
