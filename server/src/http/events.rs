@@ -86,7 +86,7 @@ struct Follower {
     is_new: bool,
     /// The progress version that was sent.
     progress: u64,
-    /// Whether the last progress event was not the newest.
+    /// Whether the client may have an outdated view: its last progress event was not the newest, or it resumes.
     is_behind: bool,
     /// Version of the subject at the last size check, and that size.
     checked_size: Option<(Option<String>, Option<Size>)>,
@@ -134,7 +134,8 @@ async fn stream_events(
         last: resume_after.unwrap_or(newest),
         is_new: resume_after.is_none(),
         progress,
-        is_behind: false,
+        // The stream may have ended between an event and the view after it.
+        is_behind: resume_after.is_some(),
         checked_size: None,
         received: Received::default(),
         is_over: false,
@@ -226,7 +227,10 @@ impl Follower {
 
     /// The progress of the subject. Followers of a sweep share a view; an outdated one is sent again later.
     async fn progress_event(&mut self) -> Result<Event, ApiError> {
-        let Subject::Sweep(id) = self.subject else { return self.view("progress").await };
+        let Subject::Sweep(id) = self.subject else {
+            self.is_behind = false;
+            return self.view("progress").await;
+        };
         let (view, is_newest) = sweeps::recent_view(&self.app, id, POLL_EVERY).await?;
         self.is_behind = !is_newest;
         data::<SweepView>("progress", &view)
