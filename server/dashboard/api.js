@@ -243,6 +243,25 @@ export function follow(path, changed, listeners, failed) {
 }
 
 /**
+ * Joins the two sources of one view: a stream or poll, and the answers to actions. An answer is dropped when another view arrived since its
+ * request: that view may be newer, and the source will deliver the state after the action too.
+ * @template T @param {(view: T) => unknown} changed @param {(view: T) => unknown} [answered] called with an answer that counts
+ */
+export function joinViews(changed, answered = changed) {
+  let arrived = 0;
+  return {
+    arrive: (/** @type {T} */ view) => {
+      arrived += 1;
+      changed(view);
+    },
+    answer: async (/** @type {Promise<T>} */ request) => {
+      const before = arrived, view = await request;
+      if (arrived === before) answered(view);
+    },
+  };
+}
+
+/**
  * Runs `work` on every item, at most `concurrency` at a time, and returns the results in order.
  * @template T, R
  * @param {T[]} items @param {(item: T, i: number) => Promise<R>} work @param {number} [concurrency] @returns {Promise<R[]>}

@@ -1,7 +1,7 @@
 // @ts-check
 // One study: question, answer in words and as pictures, runs, and actions.
 
-import { poll, read, runLatest } from "../api.js";
+import { joinViews, poll, read, runLatest } from "../api.js";
 import { fill, h } from "../dom.js";
 import { readOutputs } from "../outputs.js";
 import { errorBox } from "../parts.js";
@@ -18,7 +18,7 @@ export async function show(main, id) {
   const [first, outputs] = await Promise.all([read(`${at}/answer`), readOutputs()]);
   const errors = h("div"), failed = (/** @type {any} */ error) => fill(errors, error ? errorBox(error) : []);
   const shown = pictures(first, outputs);
-  const head = studyHead(at, first, update);
+  const views = joinViews(update), head = studyHead(at, first, views.answer);
   main.append(h("div", { class: "row spread" }, h("h1", {}, first.study.name), head.bar), errors, head.runs, head.words, shown.element);
 
   const drawAnswer = runLatest(async () => {
@@ -34,5 +34,5 @@ export async function show(main, id) {
     drawAnswer(study.answered_at ?? "none");
   }
   update(first.study);
-  poll(at, INTERVAL_S, update, failed);
+  poll(at, INTERVAL_S, views.arrive, failed);
 }

@@ -1,7 +1,7 @@
 // @ts-check
 // One sweep: progress, responses over the factors, effects, curves, design points and jobs.
 
-import { mapConcurrently, follow, isTemporary, read } from "../api.js";
+import { follow, isTemporary, joinViews, mapConcurrently, read } from "../api.js";
 import { fill, h } from "../dom.js";
 import { factorLabel } from "../format.js";
 import { measures, preferred } from "../measures.js";
@@ -38,10 +38,11 @@ export async function show(main, id) {
   const headline = headlineOf(outputs).map((row) => row.name), plotted = headlineOf(outputs).find((row) => row.type === "number")?.name, series_names = seriesNames(outputs);
   /** @type {Pick<SweepData, "points" | "trials" | "effects" | "curves"> & { pairing?: PairingGain }} */
   const results = { points: [], trials: [], effects: [], curves: [] };
-  const top = head(at, sweep, (view) => {
+  const views = joinViews(update, (view) => {
     update(view);
     readAgain(0);
   });
+  const top = head(at, sweep, views.answer);
   const title = h("h1", {}, sweep.name), errors = h("div"), controls = h("div", { class: "row card" });
   // A sweep without factors never has plots over a factor.
   const options = sweep.factors.length > 0 ? {} : { empty_text: null };
@@ -147,9 +148,10 @@ export async function show(main, id) {
       /** @type {[SweepPoints, SweepEffects, Pick<SweepResults, "trials">]} */
       const [byPoint, effects, byTrial] = await Promise.all([read(`${at}/results?${query}`), read(`${at}/effects`),
         total(sweep.counts) <= MAX_DOTS ? read(`${at}/results`) : { trials: [] }]);
+      const curves = form.curve ? await curvesOf(byTrial.trials, form.curve) : [];
       // A later read has begun: its answer is newer.
       if (mine < reads) return;
-      Object.assign(results, { points: byPoint.points, effects: effects.responses, pairing: effects.pairing, trials: byTrial.trials, curves: form.curve ? await curvesOf(byTrial.trials, form.curve) : [] });
+      Object.assign(results, { points: byPoint.points, effects: effects.responses, pairing: effects.pairing, trials: byTrial.trials, curves });
       await draw();
       failed(null);
     } catch (error) {
@@ -169,5 +171,5 @@ export async function show(main, id) {
   }
   update(sweep);
   load();
-  follow(at, update, { change: () => readAgain(), extended: () => readAgain(0) }, failed);
+  follow(at, views.arrive, { change: () => readAgain(), extended: () => readAgain(0) }, failed);
 }

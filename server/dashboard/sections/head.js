@@ -12,11 +12,11 @@ import { forecastOf } from "./forecast.js";
 const WINDOW_MS = 300e3;
 
 /**
- * The head of a sweep; `changed` gets the sweep after an action.
- * @param {string} at path of the sweep @param {SweepView} sweep @param {(sweep: SweepView) => void} changed
+ * The head of a sweep; `answer` gets the sweep after an action.
+ * @param {string} at path of the sweep @param {SweepView} sweep @param {(request: Promise<SweepView>) => Promise<void>} answer
  */
-export function head(at, sweep, changed) {
-  const top = h("div"), forecast = forecastOf(at), element = h("div", {}, top, forecast.element), speed = speedometer(), buttons = actions(at, sweep, changed), bar = h("div", { class: "row" }, buttons.elements);
+export function head(at, sweep, answer) {
+  const top = h("div"), forecast = forecastOf(at), element = h("div", {}, top, forecast.element), speed = speedometer(), buttons = actions(at, sweep, answer), bar = h("div", { class: "row" }, buttons.elements);
   /** @param {SweepView} sweep */
   function draw(sweep) {
     speed.add(sweep);
@@ -56,14 +56,14 @@ function speedometer() {
 
 /**
  * The actions on a sweep; those that apply are visible. Elements are made once, since a dialog may be open.
- * @param {string} at @param {SweepView} first @param {(sweep: SweepView) => void} changed
+ * @param {string} at @param {SweepView} first @param {(request: Promise<SweepView>) => Promise<void>} answer
  */
-function actions(at, first, changed) {
+function actions(at, first, answer) {
   let counts = first.counts;
   const unended = () => counts.queued + counts.running, failed = () => counts.failed + counts.cancelled;
-  const cancel = action("Cancel", () => post(`${at}/cancel`).then(changed), { ask: () => `Cancel ${plural(unended(), "job")}?` });
-  const pause = action("Pause", () => post(`${at}/pause`).then(changed)), resume = action("Resume", () => post(`${at}/resume`).then(changed));
-  const [retry_button, retry_dialog] = retry(failed, (query) => post(`${at}/retry${query}`).then(changed));
+  const cancel = action("Cancel", () => answer(post(`${at}/cancel`)), { ask: () => `Cancel ${plural(unended(), "job")}?` });
+  const pause = action("Pause", () => answer(post(`${at}/pause`))), resume = action("Resume", () => answer(post(`${at}/resume`)));
+  const [retry_button, retry_dialog] = retry(failed, (query) => answer(post(`${at}/retry${query}`)));
   const download = h("details", { class: "menu" }, h("summary", {}, "Download"), ["csv", "json", "parquet"].map((format) =>
     h("a", { href: `${at}/results?format=${format}`, download: `${first.name}.${format}`, class: "row" }, format)));
   /** @param {SweepView} sweep */
@@ -77,7 +77,7 @@ function actions(at, first, changed) {
   }
   const extension = extend(first, () => {
     const send = idempotentPost(`${at}/extend`);
-    return (request) => send(request).then(changed);
+    return (request) => answer(send(request));
   });
   // A study chooses its runs itself.
   return { elements: [pause, resume, cancel, retry_button, retry_dialog, !first.is_study && extension, h("a", { href: `/submit?clone=${first.id}` }, "Clone"), download], update };

@@ -34,11 +34,11 @@ export function runsBar({ name, runs }, is_large = false) {
 }
 
 /**
- * The head of a study; `changed` gets the study after an action. `setFactors` takes the ranges of a newer answer.
- * @param {string} at path of the study @param {StudyAnswer} first @param {(study: StudyView) => void} changed
+ * The head of a study; `answer` gets the study after an action. `setFactors` takes the ranges of a newer answer.
+ * @param {string} at path of the study @param {StudyAnswer} first @param {(request: Promise<StudyView>) => Promise<void>} answer
  */
-export function studyHead(at, first, changed) {
-  const top = h("div"), forecast = forecastOf(at), runs = h("div", {}, top, forecast.element), words = h("section", { class: "card" }), buttons = actions(at, first, changed);
+export function studyHead(at, first, answer) {
+  const top = h("div"), forecast = forecastOf(at), runs = h("div", {}, top, forecast.element), words = h("section", { class: "card" }), buttons = actions(at, first, answer);
   /** @param {StudyView} study */
   function draw(study) {
     buttons.update(study);
@@ -59,19 +59,19 @@ export function studyHead(at, first, changed) {
 
 /**
  * The actions on a study; those that apply are visible. Elements are made once, since a dialog may be open.
- * @param {string} at @param {StudyAnswer} first @param {(study: StudyView) => void} changed
+ * @param {string} at @param {StudyAnswer} first @param {(request: Promise<StudyView>) => Promise<void>} answer
  */
-function actions(at, first, changed) {
+function actions(at, first, answer) {
   let { study, factors } = first;
-  const pause = action("Pause", () => post(`${at}/pause`).then(changed)), resume = action("Resume", () => post(`${at}/resume`).then(changed));
-  const cancel = action("Cancel", () => post(`${at}/cancel`).then(changed), { ask: () => `End this study and cancel ${plural(study.runs.pending, "run")}?` });
+  const pause = action("Pause", () => answer(post(`${at}/pause`))), resume = action("Resume", () => answer(post(`${at}/resume`)));
+  const cancel = action("Cancel", () => answer(post(`${at}/cancel`)), { ask: () => `End this study and cancel ${plural(study.runs.pending, "run")}?` });
   const max_runs = h("input", { name: "max_runs", type: "number", step: 1, required: true });
   const [budget, budget_dialog] = dialog("Raise budget", h("p", {}, h("label", { class: "field" }, "Maximum number of runs", max_runs)), () => {
     max_runs.min = max_runs.value = String(study.runs.max_runs);
-    return () => post(`${at}/budget`, { max_runs: Number(max_runs.value) }).then(changed);
+    return () => answer(post(`${at}/budget`, { max_runs: Number(max_runs.value) }));
   });
   const has_ranges = factors.some(({ levels }) => !levels);
-  const [widen, widen_dialog] = widenDialog(() => factors, (ranges) => post(`${at}/ranges`, { ranges }).then(changed));
+  const [widen, widen_dialog] = widenDialog(() => factors, (ranges) => answer(post(`${at}/ranges`, { ranges })));
   /** @param {StudyView} next */
   function update(next) {
     study = next;
