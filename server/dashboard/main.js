@@ -2,6 +2,7 @@
 // Entry of every page: theme, navigation, and the module that belongs to the path.
 
 import { h } from "./dom.js";
+import { keepTime } from "./parts.js";
 import { readSchema } from "./schema.js";
 import { addSignOut } from "./session.js";
 
@@ -34,8 +35,12 @@ function applyTheme() {
   apply();
 }
 
+/** Time between two renewals of the times since a moment. */
+const RENEW_MS = 5000;
+
 async function start() {
   applyTheme();
+  setInterval(keepTime, RENEW_MS);
   addSignOut(/** @type {HTMLElement} */ (document.querySelector("header")));
   const links = /** @type {NodeListOf<HTMLAnchorElement>} */ (document.querySelectorAll("nav a"));
   for (const link of links) {

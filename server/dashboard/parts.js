@@ -2,7 +2,7 @@
 // Elements that several pages share: states, progress bars, tables, errors, and the choices in a page's address.
 
 import { announce, h } from "./dom.js";
-import { labelOf } from "./format.js";
+import { ago, labelOf } from "./format.js";
 import { responseRow } from "./outputs.js";
 
 /** @type {JobState[]} */
@@ -181,6 +181,18 @@ export function action(title, work, { is_main = false, ask } = {}) {
     button.disabled = false;
   } }, title);
   return button;
+}
+
+/**
+ * The time since a moment, which `keepTime` renews.
+ * @param {string} at
+ */
+export const since = (at) => h("time", { datetime: at, class: "since" }, ago(at));
+
+/** Renews the times since a moment: a table is drawn again only when its rows change. */
+export function keepTime() {
+  const elements = /** @type {NodeListOf<HTMLTimeElement>} */ (document.querySelectorAll("time.since"));
+  for (const element of elements) element.textContent = ago(element.dateTime);
 }
 
 /**

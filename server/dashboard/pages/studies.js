@@ -3,8 +3,7 @@
 
 import { poll } from "../api.js";
 import { fill, h, withCode } from "../dom.js";
-import { ago } from "../format.js";
-import { errorBox, pager, table } from "../parts.js";
+import { errorBox, pager, since, table } from "../parts.js";
 import { runsBar, stateOfStudy } from "../sections/study.js";
 
 /** @type {Column<StudyView>[]} */
@@ -15,7 +14,7 @@ const COLUMNS = [
   { title: "Runs", cell: (study) => runsBar(study) },
   { title: "Done", is_number: true, cell: (study) => `${study.runs.done.toLocaleString("en")} of ${study.runs.max_runs.toLocaleString("en")}` },
   { title: "Failed", is_number: true, cell: (study) => study.runs.failed.toLocaleString("en") },
-  { title: "Submitted", cell: (study) => h("time", { datetime: study.submitted_at }, ago(study.submitted_at)) },
+  { title: "Submitted", cell: (study) => since(study.submitted_at) },
 ];
 
 /** @param {HTMLElement} main */

@@ -3,8 +3,8 @@
 
 import { poll } from "../api.js";
 import { fill, h } from "../dom.js";
-import { ago, factorLabel, plural } from "../format.js";
-import { parameter, counts, failures, errorBox, pager, progress, setParameters, state, stateOfSweep, table, total } from "../parts.js";
+import { factorLabel, plural } from "../format.js";
+import { parameter, counts, failures, errorBox, pager, progress, setParameters, since, state, stateOfSweep, table, total } from "../parts.js";
 
 /** @type {Column<SweepView>[]} */
 const COLUMNS = [
@@ -16,7 +16,7 @@ const COLUMNS = [
   { title: "Total", is_number: true, cell: (sweep) => total(sweep.counts).toLocaleString("en") },
   { title: "Design", cell: (sweep) => `${sweep.design.replaceAll("_", " ")}, ${sweep.points.toLocaleString("en")} × ${sweep.replicates}` },
   { title: "Factors", is_text: true, cell: (sweep) => sweep.factors.map((pointer) => factorLabel(pointer, sweep.factors)).join(", ") },
-  { title: "Submitted", cell: (sweep) => h("time", { datetime: sweep.submitted_at }, ago(sweep.submitted_at)) },
+  { title: "Submitted", cell: (sweep) => since(sweep.submitted_at) },
 ];
 
 /** @param {HTMLElement} main */

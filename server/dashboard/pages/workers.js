@@ -3,8 +3,8 @@
 
 import { now, poll, post } from "../api.js";
 import { fill, h } from "../dom.js";
-import { ago, plural, number, shortId } from "../format.js";
-import { action, errorBox, table } from "../parts.js";
+import { plural, number, shortId } from "../format.js";
+import { action, errorBox, since, table } from "../parts.js";
 
 /** A worker without a heartbeat for this long is lost. Heartbeats come every two seconds, and leases end this long after one. */
 const LEASE_S = 15;
@@ -43,8 +43,8 @@ const COLUMNS = [
   { title: "Results", is_number: true, cell: (worker) => worker.succeeded.toLocaleString("en") },
   { title: "Failures", is_number: true, cell: (worker) => worker.failed.toLocaleString("en") },
   { title: "Revision", is_number: true, cell: (worker) => worker.solver_revision },
-  { title: "Registered", cell: (worker) => ago(worker.registered_at) },
-  { title: "Last heartbeat", cell: (worker) => ago(worker.last_seen_at) },
+  { title: "Registered", cell: (worker) => since(worker.registered_at) },
+  { title: "Last heartbeat", cell: (worker) => since(worker.last_seen_at) },
   { title: "", cell: (worker) => isAlive(worker) && !worker.draining
       ? action("Drain", () => post(`/v1/workers/${worker.id}/drain`).then(() => `${worker.name} finishes its jobs and exits`), { ask: () => `Drain ${worker.name}? It will finish its jobs, claim no more, and exit.` })
       : "" },

@@ -3,9 +3,9 @@
 
 import { poll } from "../api.js";
 import { fill, h } from "../dom.js";
-import { ago, factorLabel, plural, number, shortId } from "../format.js";
+import { factorLabel, plural, number, shortId } from "../format.js";
 import { level } from "../measures.js";
-import { FAILURE_CLASSES, STATES, parameter, choice, errorBox, pager, requested, sortRows, setParameters, state, table } from "../parts.js";
+import { FAILURE_CLASSES, STATES, parameter, choice, errorBox, pager, requested, since, sortRows, setParameters, state, table } from "../parts.js";
 
 /** Rows that are drawn. */
 const ROWS = 200;
@@ -88,7 +88,7 @@ export function jobsTable(path) {
     { title: "Levels", is_text: true, cell: (job) => Object.entries(job.factors).map(([pointer, value]) => `${factorLabel(pointer, Object.keys(job.factors))} ${number(level(value))}`).join(", ") },
     { title: "Progress", is_number: true, cell: (job) => (job.progress ? `${Math.floor(100 * job.progress.fraction)} %` : "") },
     { title: "Attempt", is_number: true, cell: (job) => job.attempt || "" },
-    { title: "Ended", cell: (job) => (job.ended_at ? ago(job.ended_at) : "") },
+    { title: "Ended", cell: (job) => (job.ended_at ? since(job.ended_at) : "") },
     { title: "Failure", is_text: true, cell: (job) => job.failure_message ?? "" },
   ];
   /** @param {(string | null)[]} to cursors up to the page */
