@@ -100,6 +100,7 @@ impl Pool {
 pub(in crate::store) enum Executor<'c> {
     Sqlite(&'c mut SqliteConnection),
     Postgres(&'c mut PgConnection),
+    LentPostgres(&'c mut PoolConnection<Postgres>),
     SqlitePool(&'c SqlitePool),
     PostgresPool(&'c PgPool),
 }
@@ -110,7 +111,7 @@ impl<'c> From<&'c mut Connection> for Executor<'c> {
             Connection::Sqlite(connection) => Self::Sqlite(connection),
             Connection::Postgres(connection) => Self::Postgres(connection),
             Connection::LentSqlite(connection) => Self::Sqlite(connection),
-            Connection::LentPostgres(connection) => Self::Postgres(connection),
+            Connection::LentPostgres(connection) => Self::LentPostgres(connection),
         }
     }
 }

@@ -36,6 +36,9 @@ pub(in crate::store) const BEGIN_DEADLINE: Duration = Duration::from_secs(12);
 pub(in crate::store) const STATEMENT_DEADLINE: Duration =
     Duration::from_secs(if cfg!(test) { 10 } else { 65 });
 
+/// Maximum time of a read on a lent connection: more than PostgreSQL lets a statement take. Tests wait for it.
+pub(super) const READ_DEADLINE: Duration = Duration::from_secs(if cfg!(test) { 3 } else { 35 });
+
 /// Attempts, 100 ms apart, to get the lock that a server which was just killed may still hold.
 const LOCK_ATTEMPTS: u32 = 30;
 
@@ -177,7 +180,7 @@ impl Address {
 }
 
 /// The error of a missed deadline.
-fn late() -> sqlx::Error {
+pub(super) fn late() -> sqlx::Error {
     sqlx::Error::Io(std::io::ErrorKind::TimedOut.into())
 }
 

@@ -4,12 +4,15 @@ use std::marker::PhantomData;
 
 use futures_util::stream::BoxStream;
 use futures_util::{StreamExt, TryStreamExt};
+use sqlx::pool::PoolConnection;
 use sqlx::postgres::PgArguments;
 use sqlx::sqlite::SqliteArguments;
-use sqlx::{Arguments, AssertSqlSafe, Error, PgConnection, SqlSafeStr, SqlStr};
+use sqlx::{Arguments, AssertSqlSafe, Error, PgConnection, Postgres, SqlSafeStr, SqlStr};
+use tokio::time::timeout;
 
 use super::connection::Executor;
 use super::dialect::{Statement, statements, translate};
+use super::postgres;
 use super::row::Row;
 use super::value::{FromValue, Value, without_zero};
 
@@ -54,7 +57,10 @@ impl Query {
             Executor::Sqlite(on) => sqlite_rows(self.for_sqlite()?.fetch_all(on).await?),
             Executor::SqlitePool(on) => sqlite_rows(self.for_sqlite()?.fetch_all(on).await?),
             Executor::Postgres(on) => self.postgres_rows(on).await?,
-            Executor::PostgresPool(on) => self.postgres_rows(&mut *on.acquire().await?).await?,
+            Executor::LentPostgres(on) => in_time(on, async |on| self.postgres_rows(on).await).await?,
+            Executor::PostgresPool(on) => {
+                in_time(&mut on.acquire().await?, async |on| self.postgres_rows(on).await).await?
+            }
         })
     }
 
@@ -67,7 +73,10 @@ impl Query {
             Executor::Sqlite(on) => self.for_sqlite()?.fetch_optional(on).await?.map(Row::Sqlite),
             Executor::SqlitePool(on) => self.for_sqlite()?.fetch_optional(on).await?.map(Row::Sqlite),
             Executor::Postgres(on) => self.postgres_row(on).await?,
-            Executor::PostgresPool(on) => self.postgres_row(&mut *on.acquire().await?).await?,
+            Executor::LentPostgres(on) => in_time(on, async |on| self.postgres_row(on).await).await?,
+            Executor::PostgresPool(on) => {
+                in_time(&mut on.acquire().await?, async |on| self.postgres_row(on).await).await?
+            }
         })
     }
 
@@ -87,6 +96,9 @@ impl Query {
                 Executor::Sqlite(on) => Ok(query.for_sqlite()?.fetch(on).map_ok(Row::Sqlite).boxed()),
                 Executor::SqlitePool(on) => Ok(query.for_sqlite()?.fetch(on).map_ok(Row::Sqlite).boxed()),
                 Executor::Postgres(on) => Ok(query.for_postgres()?.fetch(on).map_ok(Row::Postgres).boxed()),
+                Executor::LentPostgres(on) => {
+                    Ok(query.for_postgres()?.fetch(&mut **on).map_ok(Row::Postgres).boxed())
+                }
                 Executor::PostgresPool(on) => {
                     Ok(query.for_postgres()?.fetch(on).map_ok(Row::Postgres).boxed())
                 }
@@ -101,6 +113,7 @@ impl Query {
             Executor::Sqlite(on) => self.for_sqlite()?.execute(on).await?.rows_affected(),
             Executor::SqlitePool(on) => self.for_sqlite()?.execute(on).await?.rows_affected(),
             Executor::Postgres(on) => self.postgres_changes(on).await?,
+            Executor::LentPostgres(on) => self.postgres_changes(on).await?,
             Executor::PostgresPool(on) => self.postgres_changes(&mut *on.acquire().await?).await?,
         }))
     }
@@ -165,6 +178,20 @@ fn async_stream<'c>(
     start(query).unwrap_or_else(|error| futures_util::stream::once(async { Err(error) }).boxed())
 }
 
+/// Reads on a lent connection of PostgreSQL within the deadline of a read. A connection that misses it is not lent again.
+async fn in_time<T>(
+    on: &mut PoolConnection<Postgres>,
+    read: impl AsyncFnOnce(&mut PgConnection) -> Result<T, Error>,
+) -> Result<T, Error> {
+    match timeout(postgres::READ_DEADLINE, read(on)).await {
+        Ok(done) => done,
+        Err(_) => {
+            on.close_on_drop();
+            Err(postgres::late())
+        }
+    }
+}
+
 fn sqlite_rows(rows: Vec<sqlx::sqlite::SqliteRow>) -> Vec<Row> {
     rows.into_iter().map(Row::Sqlite).collect()
 }
@@ -204,6 +231,7 @@ impl Script {
             Executor::Sqlite(on) => text.execute(on).await.map(drop),
             Executor::SqlitePool(on) => text.execute(on).await.map(drop),
             Executor::Postgres(on) => text.execute(on).await.map(drop),
+            Executor::LentPostgres(on) => text.execute(&mut **on).await.map(drop),
             Executor::PostgresPool(on) => text.execute(on).await.map(drop),
         }
     }

@@ -243,6 +243,8 @@ async fn a_postgresql_that_stops_answering_is_left_and_its_late_commit_comes_bef
         let error = refused.expect_err("nobody answers");
         assert_eq!(error.unavailable(), Some(Unavailable::Away), "{error:?}");
         assert!(started.elapsed() < Duration::from_secs(30), "{:?}", started.elapsed());
+        let is_settled = || store.writer.commits().settled().is_some();
+        assert_eq!(is_settled(), !at_commit, "a late commit may come: nothing may be cached");
         // The stopped session may still commit: no other may write before it ends.
         let error = count(&store).await.expect_err("the earlier session holds the lock");
         assert!(error.unavailable().is_some(), "{error:?}");
@@ -255,6 +257,7 @@ async fn a_postgresql_that_stops_answering_is_left_and_its_late_commit_comes_bef
             assert!(started.elapsed() < Duration::from_secs(60), "{:?}", started.elapsed());
             tokio::time::sleep(Duration::from_millis(50)).await;
         };
+        assert!(is_settled());
         let late = next - before - 1;
         assert!(late == 0 || at_commit && late == 1, "{late} late commits");
         let lives = "SELECT count(*) FROM pg_stat_activity WHERE pid = ?";
@@ -264,6 +267,26 @@ async fn a_postgresql_that_stops_answering_is_left_and_its_late_commit_comes_bef
         assert_eq!(count(&store).await.unwrap(), next + 1, "nothing was committed later");
         store.close().await;
     }
+}
+
+#[tokio::test]
+async fn a_read_that_postgresql_does_not_answer_ends_and_its_connection_is_left() {
+    let place = Place::postgres();
+    let store = place.open().await;
+    let process = "SELECT CAST(pg_backend_pid() AS BIGINT)";
+    let mut reader = store.readers.acquire().await.unwrap();
+    let first: i64 = query_scalar(process).fetch_one(&mut reader).await.unwrap();
+    let stopped = Stopped::new(first.try_into().unwrap());
+    let started = std::time::Instant::now();
+    let read = query_scalar::<i64>(process).fetch_all(&mut reader).await;
+    let error = StoreError::from(read.expect_err("nobody answers"));
+    assert_eq!(error.unavailable(), Some(Unavailable::Away), "{error:?}");
+    assert!(started.elapsed() < Duration::from_secs(8), "{:?}", started.elapsed());
+    drop(reader);
+    let next: i64 = query_scalar(process).fetch_one(&store.readers).await.unwrap();
+    assert_ne!(next, first, "the connection is not lent again");
+    drop(stopped);
+    store.close().await;
 }
 
 #[tokio::test]
