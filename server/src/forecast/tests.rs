@@ -87,19 +87,12 @@ fn coverage(learned: usize, slots: usize, (ahead, own): (u64, u64), sigma: f64) 
     (starts as f64 / all, ends as f64 / all, width / all)
 }
 
-#[test]
-fn forecast_ranges_cover_the_true_times_at_about_the_nominal_rate() {
+/// Measures rows of the table of `docs/howto/waiting.md`: learned runs, slots, jobs ahead and own jobs, and σ.
+fn check_coverage(rows: &[(usize, usize, (u64, u64), f64)]) {
     eprintln!(
         "| learned from | slots | jobs ahead | own jobs | σ | start in range | end in range | width over middle |"
     );
-    for (learned, slots, jobs, sigma) in [
-        (5, 4, (20, 1), 0.4),
-        (20, 4, (20, 1), 0.4),
-        (20, 4, (100, 30), 0.4),
-        (100, 4, (100, 30), 0.8),
-        (100, 16, (300, 100), 0.4),
-        (200, 2, (2000, 1500), 0.4),
-    ] {
+    for &(learned, slots, jobs, sigma) in rows {
         let (starts, ends, width) = coverage(learned, slots, jobs, sigma);
         let (ahead, own) = jobs;
         eprintln!(
@@ -111,6 +104,23 @@ fn forecast_ranges_cover_the_true_times_at_about_the_nominal_rate() {
             assert!((0.75..=0.85).contains(&share), "{learned} runs, {slots} slots, {jobs:?}: {share}");
         }
     }
+}
+
+#[test]
+fn forecast_ranges_cover_the_true_times_at_about_the_nominal_rate() {
+    check_coverage(&[
+        (5, 4, (20, 1), 0.4),
+        (20, 4, (20, 1), 0.4),
+        (20, 4, (100, 30), 0.4),
+        (100, 4, (100, 30), 0.8),
+        (100, 16, (300, 100), 0.4),
+    ]);
+}
+
+#[test]
+#[ignore = "half a minute"]
+fn forecast_ranges_of_a_long_queue_cover_the_true_times() {
+    check_coverage(&[(200, 2, (2000, 1500), 0.4)]);
 }
 
 #[test]
