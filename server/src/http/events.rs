@@ -25,6 +25,7 @@ use roost_api::problem::Problem;
 use roost_api::sweep::SweepView;
 use serde::Serialize;
 use serde_json::json;
+use tokio::time::{Instant, sleep_until};
 
 use super::extract::Segments;
 use super::problem::{ApiError, ProblemKind};
@@ -32,7 +33,7 @@ use super::{jobs, sweeps};
 use crate::queue::Refusal;
 use crate::state::connections::StreamSlot;
 use crate::state::{App, Caller, Received};
-use crate::store::Subject;
+use crate::store::{EVENTS_AT_ONCE, Subject};
 
 /// Interval between two polls for new events.
 const POLL_EVERY: Duration = Duration::from_millis(250);
@@ -96,6 +97,8 @@ struct Follower {
     is_over: bool,
     /// Events to send.
     ready: VecDeque<Event>,
+    /// Time of the next look for events.
+    next_poll: Instant,
 }
 
 async fn stream_events(
@@ -140,6 +143,7 @@ async fn stream_events(
         received: Received::default(),
         is_over: false,
         ready: VecDeque::new(),
+        next_poll: Instant::now(),
     };
     let events = stream::unfold(follower, |mut follower| async move {
         let event = follower.next().await?;
@@ -159,12 +163,12 @@ impl Follower {
             {
                 return None;
             }
+            // Also after events: an outdated view would be sent again at once.
+            self.app.shutdown.clone().run_until_cancelled(sleep_until(self.next_poll)).await?;
+            self.next_poll = Instant::now() + POLL_EVERY;
             if let Err(error) = self.poll().await {
                 tracing::warn!(?error, "an event stream ends");
                 return None;
-            }
-            if self.ready.is_empty() {
-                self.app.shutdown.clone().run_until_cancelled(tokio::time::sleep(POLL_EVERY)).await?;
             }
         }
     }
@@ -182,6 +186,9 @@ impl Follower {
             return Ok(());
         }
         let events = self.app.store.events(self.subject, self.last).await?;
+        if events.len() == EVENTS_AT_ONCE {
+            self.next_poll = Instant::now();
+        }
         for (id, event) in events {
             self.last = id;
             self.ready.push_back(data("change", &event)?.id(id.to_string()));

@@ -8,8 +8,8 @@ use super::database::{Row, query, query_as};
 use super::versions::Subject;
 use super::{Store, StoreError};
 
-/// Events of one query.
-const BATCH: i64 = 500;
+/// Maximum number of events of one query.
+pub(crate) const EVENTS_AT_ONCE: usize = 500;
 
 impl Store {
     /// The events of a job or a sweep after an event, oldest first, one batch at a time.
@@ -23,7 +23,8 @@ impl Store {
             Subject::Sweep(id) => (OF_SWEEP, id.to_string()),
             _ => return Ok(Vec::new()),
         };
-        let rows = query(sql).bind(id).bind(after).bind(BATCH).fetch_all(&self.readers).await?;
+        let rows =
+            query(sql).bind(id).bind(after).bind(EVENTS_AT_ONCE as i64).fetch_all(&self.readers).await?;
         let event = |row| {
             let row: &Row = row;
             let event = JobEvent {

@@ -74,6 +74,7 @@ use database::{Engine, Pool, query, raw_sql};
 pub(crate) use deliveries::EncodedResult;
 pub use error::StoreError;
 pub(crate) use error::Unavailable;
+pub(crate) use events::EVENTS_AT_ONCE;
 pub(crate) use extension::NewExtension;
 pub(crate) use frames::StoredFrames;
 pub(crate) use heartbeats::Beat;
