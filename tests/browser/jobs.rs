@@ -58,8 +58,8 @@ fn jobs_can_be_cancelled_and_retried_and_their_curves_grow() {
     assert_eq!(sandbox.get(&format!("/v1/sweeps/{id}"))["counts"]["cancelled"], 2);
     // No row of the table changes any more, yet its times do.
     const ENDED: &str = "document.querySelector('#jobs time').textContent";
-    let ended: String = page.value(ENDED);
-    page.until("time passes", &format!("{ENDED} !== '{ended}'"));
+    let ended = page.until("the time of an end", ENDED);
+    page.until("time passes", &format!("{ENDED} !== {ended}"));
     page.until("it can run again", "find.control('Retry')");
     page.click_named("Retry");
     page.click_named("Retry");
