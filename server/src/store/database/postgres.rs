@@ -37,7 +37,7 @@ pub(in crate::store) const STATEMENT_DEADLINE: Duration =
     Duration::from_secs(if cfg!(test) { 10 } else { 65 });
 
 /// Maximum time of a read on a lent connection: more than PostgreSQL lets a statement take. Tests wait for it.
-pub(super) const READ_DEADLINE: Duration = Duration::from_secs(if cfg!(test) { 3 } else { 35 });
+pub(super) const READ_DEADLINE: Duration = Duration::from_secs(if cfg!(test) { 10 } else { 35 });
 
 /// Attempts, 100 ms apart, to get the lock that a server which was just killed may still hold.
 const LOCK_ATTEMPTS: u32 = 30;

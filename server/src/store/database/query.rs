@@ -2,7 +2,7 @@
 
 use std::marker::PhantomData;
 
-use futures_util::stream::BoxStream;
+use futures_util::stream::{self, BoxStream};
 use futures_util::{StreamExt, TryStreamExt};
 use sqlx::pool::PoolConnection;
 use sqlx::postgres::PgArguments;
@@ -85,7 +85,7 @@ impl Query {
         self.fetch_optional(on).await?.ok_or(Error::RowNotFound)
     }
 
-    /// Rows as they come. PostgreSQL sends all of them, also if the reader stops.
+    /// Rows as they come. PostgreSQL sends all of them, also if the reader stops; from a pool, they come together.
     pub(in crate::store) fn fetch<'c>(
         self,
         on: impl Into<Executor<'c>>,
@@ -99,9 +99,10 @@ impl Query {
                 Executor::LentPostgres(on) => {
                     Ok(query.for_postgres()?.fetch(&mut **on).map_ok(Row::Postgres).boxed())
                 }
-                Executor::PostgresPool(on) => {
-                    Ok(query.for_postgres()?.fetch(on).map_ok(Row::Postgres).boxed())
-                }
+                Executor::PostgresPool(_) => Ok(stream::once(query.fetch_all(on))
+                    .map_ok(|rows| stream::iter(rows.into_iter().map(Ok)))
+                    .try_flatten()
+                    .boxed()),
             },
             self,
         )
@@ -178,18 +179,30 @@ fn async_stream<'c>(
     start(query).unwrap_or_else(|error| futures_util::stream::once(async { Err(error) }).boxed())
 }
 
-/// Reads on a lent connection of PostgreSQL within the deadline of a read. A connection that misses it is not lent again.
+/// A lent connection that reads. If the read does not end, because it is late or nobody waits for it any more, the connection is closed: a
+/// pool would wait for it without a limit.
+struct Reading<'c> {
+    on: &'c mut PoolConnection<Postgres>,
+    has_ended: bool,
+}
+
+impl Drop for Reading<'_> {
+    fn drop(&mut self) {
+        if !self.has_ended {
+            self.on.close_on_drop();
+        }
+    }
+}
+
+/// Reads on a lent connection of PostgreSQL within the deadline of a read.
 async fn in_time<T>(
     on: &mut PoolConnection<Postgres>,
     read: impl AsyncFnOnce(&mut PgConnection) -> Result<T, Error>,
 ) -> Result<T, Error> {
-    match timeout(postgres::READ_DEADLINE, read(on)).await {
-        Ok(done) => done,
-        Err(_) => {
-            on.close_on_drop();
-            Err(postgres::late())
-        }
-    }
+    let mut reading = Reading { on, has_ended: false };
+    let read = timeout(postgres::READ_DEADLINE, read(&mut *reading.on)).await;
+    reading.has_ended = read.is_ok();
+    read.unwrap_or_else(|_| Err(postgres::late()))
 }
 
 fn sqlite_rows(rows: Vec<sqlx::sqlite::SqliteRow>) -> Vec<Row> {
