@@ -159,12 +159,14 @@ impl Follower {
             if let Some(event) = self.ready.pop_front() {
                 return Some(event);
             }
-            if self.is_over || self.app.shutdown.is_cancelled() || !self.app.access.still_admits(&self.caller)
-            {
+            if self.is_over {
                 return None;
             }
             // Also after events: an outdated view would be sent again at once.
             self.app.shutdown.clone().run_until_cancelled(sleep_until(self.next_poll)).await?;
+            if self.app.shutdown.is_cancelled() || !self.app.access.still_admits(&self.caller) {
+                return None;
+            }
             self.next_poll = Instant::now() + POLL_EVERY;
             if let Err(error) = self.poll().await {
                 tracing::warn!(?error, "an event stream ends");
@@ -186,7 +188,8 @@ impl Follower {
             return Ok(());
         }
         let events = self.app.store.events(self.subject, self.last).await?;
-        if events.len() == EVENTS_AT_ONCE {
+        let has_more = events.len() == EVENTS_AT_ONCE;
+        if has_more {
             self.next_poll = Instant::now();
         }
         for (id, event) in events {
@@ -194,7 +197,9 @@ impl Follower {
             self.ready.push_back(data("change", &event)?.id(id.to_string()));
         }
         let progress = self.app.progress.version(self.subject);
-        if progress != self.progress || !self.ready.is_empty() || self.is_behind {
+        if has_more {
+            self.is_behind = true;
+        } else if progress != self.progress || !self.ready.is_empty() || self.is_behind {
             self.progress = progress;
             let progress = self.progress_event().await?;
             self.ready.push_back(progress);
@@ -202,6 +207,8 @@ impl Follower {
         if let Subject::Job(id) = self.subject
             && let Some((t0_s, series)) = self.app.progress.next_samples(id, &mut self.received)
         {
+            // A long series comes in parts.
+            self.next_poll = Instant::now();
             self.ready.push_back(data("samples", &json!({"job_id": id, "t0_s": t0_s, "series": series}))?);
         }
         Ok(())
