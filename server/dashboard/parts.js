@@ -192,7 +192,10 @@ export const since = (at) => h("time", { datetime: at, class: "since" }, ago(at)
 /** Renews the times since a moment: a table is drawn again only when its rows change. */
 export function keepTime() {
   const elements = /** @type {NodeListOf<HTMLTimeElement>} */ (document.querySelectorAll("time.since"));
-  for (const element of elements) element.textContent = ago(element.dateTime);
+  for (const element of elements) {
+    const text = ago(element.dateTime);
+    if (element.textContent !== text) element.textContent = text;
+  }
 }
 
 /**

@@ -73,6 +73,6 @@ export function show(main) {
     page = value;
     draw();
   }, (error) => fill(errors, error ? errorBox(error) : []), { is_whole: true });
-  // Relative times change although the answer does not.
+  // Workers become lost although the answer does not change.
   setInterval(() => document.hidden || draw(), 5000);
 }
