@@ -163,7 +163,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     findings.extend(maximum.filter(|ratio| ratio.mean + ratio.half_width < 5.0).map(|ratio| {
         format!(
             "In the paper, fillets with balanced stiffnesses (S_t = S_n) take up to five times longer to settle than fillets with \
-             other S_t. Roost does not reproduce this factor: in Roost, the maximum ratio of the two settle times is {} ± {}.",
+             other S_t at the same S_n. Roost does not reproduce this factor: in Roost, the maximum ratio of the two settle times is {} ± {}.",
             rounded(ratio.mean, 2),
             rounded(ratio.half_width, 2)
         )
