@@ -50,6 +50,7 @@ fn sweep_runs_from_the_form_to_its_plots() {
     let _server = sandbox.start_server();
     let mut page = Page::new(&sandbox.address);
     let sweep = submit::submit_by_form(&sandbox, &mut page);
+    submit::note_progress(&mut page);
     let _worker = sandbox.start_worker("bench");
     submit::progress_shows_without_reload(&mut page);
     plots::match_the_api(&sandbox, &mut page, &sweep);

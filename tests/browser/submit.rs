@@ -105,19 +105,21 @@ pub(crate) fn submit_by_form(sandbox: &Sandbox, page: &mut Page) -> String {
     id
 }
 
+/// Lets the page of a sweep note each progress that it shows.
+pub(crate) fn note_progress(page: &mut Page) {
+    page.until("the bar", "document.querySelector('.bar.large')");
+    page.value::<()>(
+        "(window.steps = new Set(), new MutationObserver(() => window.steps.add(document.querySelector('.bar.large').ariaValueNow))
+            .observe(document.querySelector('main'), { childList: true, subtree: true }), null)",
+    );
+}
+
 /// Watches the page of a sweep until its end: progress shows in steps, without a reload.
 pub(crate) fn progress_shows_without_reload(page: &mut Page) {
-    page.value::<()>("(window.seen = true, null)");
-    let mut seen = vec![0];
-    while *seen.last().unwrap() < 100 {
-        let more = format!(
-            "Number(document.querySelector('.bar.large').ariaValueNow) > {} && Number(document.querySelector('.bar.large').ariaValueNow)",
-            seen.last().unwrap()
-        );
-        seen.push(page.until("progress", &more).as_i64().unwrap());
-    }
-    assert!(seen.len() > 4, "{seen:?}");
-    assert!(page.value::<bool>("window.seen"), "the page was loaded again");
+    page.until("the end", "document.querySelector('.bar.large').ariaValueNow === '100'");
+    // A page that was loaded again would have none.
+    let steps: Vec<String> = page.value("[...window.steps]");
+    assert!(steps.len() > 3, "{steps:?}");
     page.until("the last state", "document.querySelector('main .state').textContent === 'succeeded'");
     // Plots update without a reload too.
     page.until(
