@@ -118,7 +118,7 @@ fn forecast_ranges_cover_the_true_times_at_about_the_nominal_rate() {
 }
 
 #[test]
-#[ignore = "half a minute"]
+#[ignore = "half a minute; its figures are in docs/howto/waiting.md"]
 fn forecast_ranges_of_a_long_queue_cover_the_true_times() {
     check_coverage(&[(200, 2, (2000, 1500), 0.4)]);
 }
