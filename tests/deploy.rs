@@ -121,6 +121,12 @@ fn repeated_signals_are_one_request_and_a_later_one_ends_the_process() {
     for job in &jobs {
         sandbox.wait_for_job(job, "the job is under way", |job| job.state == JobState::Running);
     }
+    // The server leases a job before its worker starts it; a worker without a run would end at the signal.
+    for worker in [&patient, &hasty] {
+        support::wait_until("the worker runs its job", || {
+            worker.log().contains("running job=").then_some(())
+        });
+    }
     let signalled = Instant::now();
     patient.terminate();
     hasty.terminate();
