@@ -27,6 +27,9 @@ pub(crate) struct ServerArgs {
     /// Address and port to listen on; port 0 takes any free port
     #[arg(long, default_value = "127.0.0.1:7373", value_name = "ADDR", value_parser = address)]
     listen: SocketAddr,
+    /// Host and port at which the other servers of a PostgreSQL database reach this server; by default, the address of `--listen`
+    #[arg(long, value_name = "HOST:PORT", value_parser = host_and_port)]
+    advertise: Option<String>,
     /// Data folder
     #[arg(long, default_value = "roost-data", value_name = "DIR")]
     pub(crate) data: PathBuf,
@@ -101,6 +104,7 @@ impl ServerArgs {
         retry.lost = RetryLimit { attempts: self.lost_attempts, first_pause: first_pause / 2, ..retry.lost };
         ServerConfig {
             listen: self.listen,
+            advertise: self.advertise,
             data: self.data,
             database: self.database.address,
             objects: self.objects,
@@ -122,6 +126,9 @@ impl ServerArgs {
         }
     }
 }
+
+/// PostgreSQL keeps 63 bytes of the name of a session, which has the address of its server.
+const MAX_HOST_BYTES: usize = 50;
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let shutdown = signals::shutdown_token()?;
@@ -147,6 +154,17 @@ fn pause(text: &str) -> Result<f64, String> {
 
 fn address(text: &str) -> Result<SocketAddr, String> {
     text.parse().map_err(|_| "write an IP address and a port, such as 127.0.0.1:7373".to_owned())
+}
+
+fn host_and_port(text: &str) -> Result<String, String> {
+    let is_port = |port: &str| port.parse::<u16>().is_ok_and(|port| port > 0);
+    let is_host = |host: &str| (1..=MAX_HOST_BYTES).contains(&host.len()) && !host.contains(['/', '@', ' ']);
+    match text.rsplit_once(':') {
+        Some((host, port)) if is_host(host) && is_port(port) => Ok(text.to_owned()),
+        _ => Err(format!(
+            "write a host of at most {MAX_HOST_BYTES} characters and a port, such as roost-1.example:7373"
+        )),
+    }
 }
 
 fn positive(text: &str) -> Result<f64, String> {

@@ -15,6 +15,8 @@ use crate::store::{Bucket, Location};
 pub struct ServerConfig {
     /// Address to listen on; port 0 lets the system choose. Without tokens it must be a loopback address.
     pub listen: SocketAddr,
+    /// Host and port at which the other servers of a database of PostgreSQL reach this one; none for `listen`.
+    pub advertise: Option<String>,
     /// The data directory.
     pub data: PathBuf,
     /// The database, if it is not a file in the data directory.
@@ -66,6 +68,11 @@ pub struct ServerConfig {
 }
 
 impl ServerConfig {
+    /// Host and port at which the other servers reach this one, which listens on an address.
+    pub(crate) fn advertised(&self, address: SocketAddr) -> String {
+        self.advertise.clone().unwrap_or_else(|| address.to_string())
+    }
+
     /// Where the database is.
     pub(crate) fn place(&self) -> Location {
         self.database.clone().unwrap_or_else(|| Location::File(self.data.join(DATABASE)))
@@ -76,6 +83,7 @@ impl Default for ServerConfig {
     fn default() -> Self {
         Self {
             listen: SocketAddr::from(([127, 0, 0, 1], 7373)),
+            advertise: None,
             data: PathBuf::from("roost-data"),
             database: None,
             objects: None,

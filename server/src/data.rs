@@ -1,7 +1,7 @@
 //! The data directory: its lock and permissions, and operations without a server: tokens, backup, restore.
 
 use std::fs::{File, OpenOptions};
-use std::io;
+use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use crate::store::{BackupReport, CopiedTable, Location, OBJECTS, StoreError, TokenFile, copy, transfer};
@@ -40,15 +40,39 @@ pub enum DataError {
 /// Locks a data directory for as long as the returned file lives. The directory and its files become private
 /// to their owner.
 pub(crate) fn lock(data: &Path) -> Result<File, DataError> {
+    let lock = open_lock(data)?;
+    taken(data, lock.try_lock())?;
+    Ok(lock)
+}
+
+/// The same for a server of a database of PostgreSQL. Its servers may share the directory: the database says which of them leads, also while
+/// an earlier leader is frozen. Others may not, since each would remove the objects of the other.
+pub(crate) fn lock_for(database: &str, data: &Path) -> Result<File, DataError> {
+    let fail = |source| DataError::Io { path: data.to_owned(), source };
+    let mut lock = open_lock(data)?;
+    if lock.try_lock().is_ok() {
+        // Nobody else uses it now.
+        lock.set_len(0).and_then(|()| lock.write_all(database.as_bytes())).map_err(fail)?;
+        lock.unlock().map_err(fail)?;
+    }
+    taken(data, lock.try_lock_shared())?;
+    let mut named = String::new();
+    lock.rewind().and_then(|()| lock.read_to_string(&mut named)).map_err(fail)?;
+    if named == database { Ok(lock) } else { Err(DataError::InUse(data.to_owned())) }
+}
+
+fn open_lock(data: &Path) -> Result<File, DataError> {
     let fail = |source| DataError::Io { path: data.to_owned(), source };
     std::fs::create_dir_all(data).and_then(|()| make_private(data)).map_err(fail)?;
     let path = data.join(LOCK);
-    let lock = OpenOptions::new().create(true).truncate(false).write(true).open(path).map_err(fail)?;
-    match lock.try_lock() {
-        Ok(()) => Ok(lock),
-        Err(std::fs::TryLockError::WouldBlock) => Err(DataError::InUse(data.to_owned())),
-        Err(std::fs::TryLockError::Error(source)) => Err(fail(source)),
-    }
+    OpenOptions::new().create(true).truncate(false).read(true).write(true).open(path).map_err(fail)
+}
+
+fn taken(data: &Path, tried: Result<(), std::fs::TryLockError>) -> Result<(), DataError> {
+    tried.map_err(|error| match error {
+        std::fs::TryLockError::WouldBlock => DataError::InUse(data.to_owned()),
+        std::fs::TryLockError::Error(source) => DataError::Io { path: data.to_owned(), source },
+    })
 }
 
 /// Makes a data directory, and Roost's files in it, private to their owner. Symbolic links are not followed:
@@ -166,4 +190,24 @@ pub async fn restore(from: &Path, data: &Path) -> Result<BackupReport, DataError
         return Err(DataError::Occupied(data.to_owned()));
     }
     Ok(copy(&from.join(DATABASE), &data.join(DATABASE)).await?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn servers_of_one_database_may_share_a_directory_and_others_may_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let data = folder.path();
+        let in_use = |tried: Result<File, DataError>| matches!(tried, Err(DataError::InUse(_)));
+        let [leader, earlier] = [0, 1].map(|_| lock_for("postgres://db/roost", data).unwrap());
+        assert!(in_use(lock_for("postgres://db/trial", data)), "of another database");
+        assert!(in_use(lock(data)), "of a file");
+        drop((leader, earlier));
+        let file = lock(data).unwrap();
+        assert!(in_use(lock_for("postgres://db/roost", data)), "beside a server of a file");
+        drop(file);
+        assert!(lock_for("postgres://db/trial", data).is_ok(), "nobody uses it");
+    }
 }

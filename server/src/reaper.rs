@@ -199,9 +199,9 @@ mod tests {
         let server = Server::bind(config).await.unwrap();
         let progress = json!({"phase": "process", "time_s": 1.0, "simulated_s": 2.0, "fraction": 0.5,
             "subparticles": 9, "particle_steps": 10, "wall_s": 0.1, "discharged_kg": 3.0});
-        server.app.progress.set(JobId::new(), None, serde_json::from_value(progress).unwrap());
-        tick(&server.app).await.unwrap();
-        assert_eq!(server.app.progress.jobs(), []);
-        server.app.store.close().await;
+        server.app().progress.set(JobId::new(), None, serde_json::from_value(progress).unwrap());
+        tick(&server.app()).await.unwrap();
+        assert_eq!(server.app().progress.jobs(), []);
+        server.app().store.close().await;
     }
 }

@@ -1,21 +1,26 @@
-//! The life of a server: bind, run, stop.
+//! The life of a server: bind, lead or stand by, stop.
 
-use std::fs::File;
+mod leading;
+mod standby;
+
 use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::net::{TcpListener, TcpSocket};
-use tokio::sync::Semaphore;
+use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 
-use crate::clock::Clock;
+use leading::Leading;
+
 use crate::config::ServerConfig;
-use crate::data::{self, DATABASE, DataError};
-use crate::queue::lease_end;
-use crate::state::{Access, App, AppState, Connections, MeshCache, Metrics};
-use crate::store::{OBJECTS, Store, StoreError};
+use crate::data::{DATABASE, DataError};
+use crate::http::Role;
+#[cfg(test)]
+use crate::state::App;
+use crate::state::Connections;
+use crate::store::{Location, StoreError};
 use crate::{decider, http, process, reaper};
 
 /// Why a server did not start, or ended.
@@ -58,14 +63,23 @@ const MAX_RETRIES: u32 = 20;
 /// A server that is bound to its address but does not answer requests yet.
 pub struct Server {
     listener: TcpListener,
+    site: Site,
+    /// None while another server leads.
+    first: Option<Leading>,
+}
+
+/// What a server keeps for its whole life, whether it leads or not.
+struct Site {
+    config: ServerConfig,
+    /// The address that it listens on.
     address: SocketAddr,
-    pub(crate) app: App,
-    /// Held while the server lives: two servers on one directory would lease the same jobs.
-    _lock: File,
+    /// The database, whose sessions have the address of this server in their names.
+    place: Location,
+    connections: Arc<Connections>,
 }
 
 impl Server {
-    /// Opens the data directory and the address. Attempts that ran when the server last stopped get a new
+    /// Opens the address, and the data directory unless another server leads. Attempts that ran when the server last stopped get a new
     /// lease.
     pub async fn bind(config: ServerConfig) -> Result<Self, ServerError> {
         let address = config.listen;
@@ -75,94 +89,86 @@ impl Server {
             return Err(ServerError::NotLoopback(address));
         }
         // The address first: a failure leaves no directory behind.
-        let bind = async || listen(address).map_err(|source| ServerError::Bind { address, source });
+        let bind = || listen(address).map_err(|source| ServerError::Bind { address, source });
         let listener = retry_in_use(bind).await?;
         if is_new {
             tracing::info!(data = %config.data.display(), "no database found: creating a new one");
         }
-        let lock = retry_in_use(async || Ok(data::lock(&config.data)?)).await?;
         let address = listener.local_addr().map_err(|source| ServerError::Bind { address, source })?;
-        let place = config.place();
-        let store = Store::open(&place, &config.data.join(OBJECTS), config.objects.as_ref()).await?;
-        let (tokens, is_loopback) = (store.tokens().await?, address.ip().is_loopback());
-        if !is_loopback && tokens.iter().all(|token| token.is_revoked) {
-            store.close().await;
-            return Err(ServerError::NotLoopback(address));
-        }
-        let (max_requests_per_s, max_result_bytes) = (config.max_requests_per_s, config.max_result_bytes);
-        let access = Access::new(max_requests_per_s, is_loopback, tokens);
-        let newest_at_start = store.newest_record().await?;
-        let clock = Clock::start();
-        let running = store.renew_all_leases(lease_end(clock.lease_now(), config.lease)).await?;
-        tracing::info!(%address, data = %config.data.display(), database = %place, running, "listening");
-        if access.is_open() {
-            tracing::warn!("no access token exists: every user of this machine may do everything");
-        }
         let connections = Arc::new(Connections::new(max_connections(&config)));
-        let metrics = Metrics::new(&store, &connections);
-        let app = Arc::new(AppState {
-            mesh_cache: MeshCache::new(config.max_mesh_triangles),
-            config,
-            store,
-            clock,
-            newest_at_start,
-            work: Default::default(),
-            delivery_budget: Arc::new(Semaphore::new(http::delivery_budget_kib(max_result_bytes))),
-            upload_slots: Arc::new(Semaphore::new(http::MAX_UPLOADS)),
-            sweep_views: Default::default(),
-            sweep_responses: Default::default(),
-            mesh_gate: Default::default(),
-            submission_turns: Default::default(),
-            connections,
-            metrics,
-            access,
-            refusal_limit: Default::default(),
-            shutdown: CancellationToken::new(),
-            checkpoint_uploads: Default::default(),
-            fill_uploads: Default::default(),
-            progress: Default::default(),
-            slots: Default::default(),
-            farm_views: Default::default(),
-            forecasts: Default::default(),
-            study_forecasts: Default::default(),
-            curve_points: Default::default(),
-        });
-        Ok(Self { listener, address, app, _lock: lock })
+        let place = config.place().for_server(&config.advertised(address));
+        let site = Site { config, address, place, connections };
+        let first = match standby::led_by_another(&site).await? {
+            true => None,
+            false => match Leading::start(&site).await {
+                // It has taken the lead meanwhile.
+                Err(ServerError::Store(StoreError::OtherServer(_))) => None,
+                started => Some(started?),
+            },
+        };
+        if first.is_none() {
+            tracing::info!(%address, database = %site.place, "standing by: another server leads");
+        }
+        Ok(Self { listener, site, first })
     }
 
     /// The address of the server.
     pub fn local_addr(&self) -> SocketAddr {
-        self.address
+        self.site.address
     }
 
-    /// Answers requests until `shutdown` is cancelled, then returns within a few seconds: waiting requests
+    /// The state of a server that leads.
+    #[cfg(test)]
+    pub(crate) fn app(&self) -> App {
+        self.first.as_ref().expect("it leads").app.clone()
+    }
+
+    /// Answers requests, or passes them on, until `shutdown` is cancelled. Then returns within a few seconds: waiting requests
     /// are answered at once, running requests are finished, and everything that was acknowledged is on disk.
     pub async fn run(self, shutdown: CancellationToken) -> Result<(), ServerError> {
-        let app = self.app;
-        let reaper = tokio::spawn(reaper::run(app.clone()));
-        let decider = tokio::spawn(decider::run(app.clone()));
-        let stop = app.shutdown.clone();
-        let serving = http::serve(self.listener, app.clone(), stop.clone());
+        let Self { listener, site, mut first } = self;
+        let (role, roles) = watch::channel(Role::Waits("the server starts".to_owned()));
+        let stop = CancellationToken::new();
+        let serving = http::serve(listener, roles, &site.config, site.connections.clone(), stop.clone());
         tokio::pin!(serving);
-        let served = tokio::select! {
-            () = &mut serving => Ok(()),
-            () = shutdown.cancelled() => {
+        loop {
+            let leading = match first.take() {
+                Some(leading) => leading,
+                None => tokio::select! {
+                    leading = standby::wait_to_lead(&site, &role) => leading,
+                    () = shutdown.cancelled() => {
+                        stop.cancel();
+                        let _ = tokio::time::timeout(SHUTDOWN_GRACE, &mut serving).await;
+                        return Ok(());
+                    }
+                    () = &mut serving => return Ok(()),
+                },
+            };
+            let app = leading.app.clone();
+            let (reaper, decider) =
+                (tokio::spawn(reaper::run(app.clone())), tokio::spawn(decider::run(app.clone())));
+            role.send_replace(http::leading(app.clone()));
+            let ended = tokio::select! {
+                () = &mut serving => Some(Ok(())),
+                () = shutdown.cancelled() => Some(Ok(())),
+                () = app.store.ended() => (!app.store.is_deposed()).then_some(Err(ServerError::WriterEnded)),
+            };
+            app.shutdown.cancel();
+            if ended.is_some() {
                 stop.cancel();
                 // A client that neither reads nor closes must not delay the shutdown.
                 let _ = tokio::time::timeout(SHUTDOWN_GRACE, &mut serving).await;
-                Ok(())
+            } else {
+                tracing::warn!("another server leads now: this one stands by");
+                role.send_replace(Role::Waits("the lead has just changed".to_owned()));
             }
-            () = app.store.ended() => {
-                stop.cancel();
-                let _ = tokio::time::timeout(SHUTDOWN_GRACE, &mut serving).await;
-                Err(ServerError::WriterEnded)
+            let _ = reaper.await;
+            let _ = decider.await;
+            app.store.close().await;
+            if let Some(ended) = ended {
+                return ended;
             }
-        };
-        stop.cancel();
-        let _ = reaper.await;
-        let _ = decider.await;
-        app.store.close().await;
-        served
+        }
     }
 }
 
@@ -192,16 +198,16 @@ fn max_connections(config: &ServerConfig) -> usize {
 
 /// Retries for a moment while the address or the directory is in use: a server that was just killed may still
 /// hold them.
-async fn retry_in_use<T>(attempt: impl AsyncFn() -> Result<T, ServerError>) -> Result<T, ServerError> {
+async fn retry_in_use<T>(attempt: impl Fn() -> Result<T, ServerError>) -> Result<T, ServerError> {
     for _ in 0..MAX_RETRIES {
-        match attempt().await {
+        match attempt() {
             Err(ServerError::Data(DataError::InUse(_))) => {}
             Err(ServerError::Bind { source, .. }) if source.kind() == io::ErrorKind::AddrInUse => {}
             done => return done,
         }
         tokio::time::sleep(Duration::from_millis(50)).await;
     }
-    attempt().await
+    attempt()
 }
 
 #[cfg(test)]
@@ -214,7 +220,7 @@ mod tests {
         let listen = ([127, 0, 0, 1], 0).into();
         let config = ServerConfig { listen, data: dir.path().to_owned(), ..ServerConfig::default() };
         let server = Server::bind(config).await.unwrap();
-        let app = server.app.clone();
+        let app = server.app();
         let running = tokio::spawn(server.run(CancellationToken::new()));
         app.store.close().await;
         let ended =

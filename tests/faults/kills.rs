@@ -1,4 +1,4 @@
-//! Random faults at the same time: server and workers are killed, stopped and restarted, and their clocks are set. The network
+//! Random faults at the same time: servers and workers are killed, stopped and restarted, and their clocks are set. The network
 //! drops, delays and repeats messages. No job may be lost, no result recorded twice, no stale write accepted.
 //!
 //! `ROOST_KILLS=1000 cargo test --test faults -- --nocapture` runs longer; `ROOST_SEED` selects another sequence of faults.
@@ -10,6 +10,7 @@ use roost_api::job::JobState;
 use serde_json::{Value, json};
 
 use crate::cluster::Cluster;
+use crate::servers::pair_of_sandboxes;
 use crate::support::flaky::{Flaky, Passed};
 use crate::support::{self, Process, Sandbox, hopper_scenario};
 
@@ -24,34 +25,39 @@ fn from_environment(name: &str, usual: u64) -> u64 {
 }
 
 /// Processes and clocks that the test disturbs.
-struct Farm<'h> {
-    sandbox: &'h Sandbox,
+struct Farm {
+    /// One per server; the first is that of the workers too.
+    sandboxes: Vec<Sandbox>,
     network: Flaky,
     random: fastrand::Rng,
-    /// The server, then the workers; none while it is down.
+    /// The servers, then the workers; none while it is down.
     processes: Vec<Option<Process>>,
     /// Stopped processes, and the time of their continuation.
     frozen: Vec<(usize, Instant)>,
     submitted: BTreeSet<String>,
-    /// A PostgreSQL that crashes too, and the address of the server's database in it.
+    /// A PostgreSQL that crashes too, and the address of the servers' database in it.
     postgres: Option<(Cluster, String)>,
 }
 
-/// Name of a process.
-fn name(index: usize) -> String {
-    if index == 0 { "serve".to_owned() } else { format!("worker-{index}") }
-}
+impl Farm {
+    /// Sandbox and name of a process.
+    fn place(&self, index: usize) -> (&Sandbox, String) {
+        match self.sandboxes.get(index) {
+            Some(sandbox) => (sandbox, "serve".to_owned()),
+            None => (&self.sandboxes[0], format!("worker-{index}")),
+        }
+    }
 
-impl Farm<'_> {
     fn start(&mut self, index: usize) {
         // Without a limit of attempts, only a result ends a job.
         let mut options = vec!["--worker-attempts", "0", "--lost-attempts", "0", "--lease-s", "1"];
         if let Some((_, database)) = &self.postgres {
             options.extend(["--database", database]);
         }
-        let process = match index {
-            0 => self.sandbox.start_server_with(&options),
-            worker => self.sandbox.start_worker_at(&self.network.address, &name(worker), "1"),
+        let (sandbox, name) = self.place(index);
+        let process = match index < self.sandboxes.len() {
+            true => sandbox.start_server_with(&options),
+            false => sandbox.start_worker_at(&self.network.address, &name, "1"),
         };
         self.processes[index] = Some(process);
     }
@@ -59,7 +65,7 @@ impl Farm<'_> {
     fn kill(&mut self) {
         // A stopped server holds its connection: PostgreSQL is killed only where the server notices.
         if let Some((postgres, _)) = &self.postgres
-            && !self.is_frozen(0)
+            && !self.is_any_server_frozen()
             && self.random.u32(0..4) == 0
         {
             return postgres.kill();
@@ -80,6 +86,10 @@ impl Farm<'_> {
         self.frozen.iter().any(|(frozen, _)| *frozen == index)
     }
 
+    fn is_any_server_frozen(&self) -> bool {
+        (0..self.sandboxes.len()).any(|index| self.is_frozen(index))
+    }
+
     /// Stops a process, for longer than a lease or shorter.
     fn freeze(&mut self) {
         let index = self.random.usize(0..self.processes.len());
@@ -97,7 +107,9 @@ impl Farm<'_> {
     /// Sets the clock of a random process by up to an hour.
     fn set_random_clock(&mut self) {
         let index = self.random.usize(0..self.processes.len());
-        self.sandbox.set_clock(&name(index), self.random.i64(-3600..=3600));
+        let offset_s = self.random.i64(-3600..=3600);
+        let (sandbox, name) = self.place(index);
+        sandbox.set_clock(&name, offset_s);
     }
 
     /// Keeps the queue filled; unconfirmed submissions may exist or not.
@@ -107,8 +119,8 @@ impl Farm<'_> {
             let mut scenario = hopper_scenario(0.6);
             scenario["seed"] = json!(self.random.u32(..));
             let envelope = json!({"scenario": scenario, "cache": "bypass"});
-            let sent = self
-                .sandbox
+            // Any server takes it.
+            let sent = self.sandboxes[self.random.usize(0..self.sandboxes.len())]
                 .ask(|client| async move { client.submit_document::<Value>("jobs", &envelope).await });
             let Ok(job) = sent else { return };
             self.submitted.insert(job["id"].as_str().unwrap().to_owned());
@@ -120,7 +132,8 @@ impl Farm<'_> {
         let (mut all, mut cursor) = (Vec::new(), None::<String>);
         loop {
             let at = cursor.clone();
-            let page = self.sandbox.ask(|client| async move { client.jobs(state, at.as_deref(), 500).await });
+            let page =
+                self.sandboxes[0].ask(|client| async move { client.jobs(state, at.as_deref(), 500).await });
             let page = page.ok()?;
             all.extend(page.items.iter().map(|job| json!(job)));
             cursor = page.next_cursor;
@@ -138,30 +151,46 @@ fn random_kills_lose_no_job_and_record_no_result_twice() {
 
 #[test]
 fn random_kills_of_postgresql_too_lose_no_job_and_record_no_result_twice() {
+    disturb(Some(postgres()));
+}
+
+#[test]
+fn random_kills_of_two_servers_and_postgresql_lose_no_job_and_record_no_result_twice() {
+    disturb_servers(2, Some(postgres()));
+}
+
+fn postgres() -> (Cluster, String) {
     // On a disk, with flushes: what is acknowledged must survive.
     let postgres = Cluster::start(&std::env::temp_dir(), "");
     let database = postgres.create("roost");
-    disturb(Some((postgres, database)));
+    (postgres, database)
 }
 
 fn disturb(postgres: Option<(Cluster, String)>) {
+    disturb_servers(1, postgres);
+}
+
+fn disturb_servers(servers: usize, postgres: Option<(Cluster, String)>) {
     let (kills, seed) = (from_environment("ROOST_KILLS", KILLS), from_environment("ROOST_SEED", 1));
-    let (sandbox, has_clocks) =
-        Sandbox::with_clocks().map_or_else(|| (Sandbox::new(), false), |sandbox| (sandbox, true));
+    let has_clocks = Sandbox::with_clocks().is_some();
+    let new = || if has_clocks { Sandbox::with_clocks().expect("as before") } else { Sandbox::new() };
+    let sandboxes = if servers == 2 { Vec::from(pair_of_sandboxes(new)) } else { vec![new()] };
     if !has_clocks {
         eprintln!("no clock will be set: libfaketime is not installed (Debian package faketime)");
     }
-    let network = Flaky::to(&sandbox.address, seed);
+    let addresses: Vec<&str> = sandboxes.iter().map(|sandbox| &*sandbox.address).collect();
+    let network = Flaky::to(&addresses, seed);
+    let processes = servers + WORKERS;
     let mut farm = Farm {
-        sandbox: &sandbox,
+        sandboxes,
         network: network.clone(),
         random: fastrand::Rng::with_seed(seed),
-        processes: (0..=WORKERS).map(|_| None).collect(),
+        processes: (0..processes).map(|_| None).collect(),
         frozen: Vec::new(),
         submitted: BTreeSet::new(),
         postgres,
     };
-    (0..=WORKERS).for_each(|index| farm.start(index));
+    (0..processes).for_each(|index| farm.start(index));
     let started = Instant::now();
     let (mut done, mut stops, mut set) = (0, 0, 0);
     while done < kills {
@@ -178,8 +207,8 @@ fn disturb(postgres: Option<(Cluster, String)>) {
             farm.kill();
             done += 1;
         }
-        // A stopped server would not respond.
-        if !farm.is_frozen(0) {
+        // A stopped server would not respond, whether it leads or is asked.
+        if !farm.is_any_server_frozen() {
             let open: Vec<_> = [JobState::Queued, JobState::Running]
                 .into_iter()
                 .filter_map(|s| farm.jobs(Some(s)))
@@ -191,7 +220,7 @@ fn disturb(postgres: Option<(Cluster, String)>) {
 
     network.stop_faults();
     farm.thaw(true);
-    for index in 0..=WORKERS {
+    for index in 0..processes {
         if farm.processes[index].is_none() {
             farm.start(index);
         }
@@ -247,5 +276,5 @@ fn assert_nothing_lost(farm: &Farm, jobs: &[Value]) {
         recorded.len(),
         jobs.len()
     );
-    assert_eq!(farm.sandbox.results_recorded(), jobs.len() as u64, "attempts that brought a result");
+    assert_eq!(farm.sandboxes[0].results_recorded(), jobs.len() as u64, "attempts that brought a result");
 }

@@ -6,5 +6,6 @@ mod clock;
 mod cluster;
 mod disk;
 mod kills;
+mod servers;
 #[path = "../support/mod.rs"]
 mod support;

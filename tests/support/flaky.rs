@@ -23,7 +23,7 @@ pub(crate) enum Passed {
     Refused,
 }
 
-/// A faulty proxy in front of a server, which ends with the process of the test.
+/// A faulty proxy in front of a server or several, which ends with the process of the test.
 #[derive(Clone)]
 pub(crate) struct Flaky {
     pub(crate) address: String,
@@ -31,19 +31,19 @@ pub(crate) struct Flaky {
 }
 
 struct Shared {
-    server: String,
+    servers: Vec<String>,
     calm: AtomicBool,
     seed: AtomicU64,
     journal: Mutex<Vec<Passed>>,
 }
 
 impl Flaky {
-    pub(crate) fn to(server: &str, seed: u64) -> Self {
+    pub(crate) fn to(servers: &[&str], seed: u64) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = format!("http://{}", listener.local_addr().unwrap());
-        let server = server.trim_start_matches("http://").to_owned();
+        let servers = servers.iter().map(|server| server.trim_start_matches("http://").to_owned()).collect();
         let journal = Mutex::default();
-        let shared = Arc::new(Shared { server, calm: AtomicBool::new(false), seed: seed.into(), journal });
+        let shared = Arc::new(Shared { servers, calm: AtomicBool::new(false), seed: seed.into(), journal });
         let of_listener = shared.clone();
         std::thread::spawn(move || {
             for client in listener.incoming().flatten() {
@@ -68,7 +68,7 @@ impl Flaky {
 impl Shared {
     fn connect(&self, mut client: TcpStream) -> io::Result<()> {
         let mut random = fastrand::Rng::with_seed(self.seed.fetch_add(1, SeqCst));
-        let mut server = TcpStream::connect(&self.server)?;
+        let mut server = self.reach(&mut random)?;
         let mut early = Vec::new();
         loop {
             let request = message(&mut client, &mut early)?;
@@ -76,7 +76,7 @@ impl Shared {
             match fate {
                 0..3 => return Ok(()),
                 3..8 => {
-                    let mut other = TcpStream::connect(&self.server)?;
+                    let mut other = self.reach(&mut random)?;
                     self.exchange(&request, &mut other)?;
                 }
                 8..13 => std::thread::sleep(Duration::from_millis(random.u64(0..1500))),
@@ -88,6 +88,15 @@ impl Shared {
             }
             client.write_all(&answer)?;
         }
+    }
+
+    /// A connection to one of the servers that run.
+    fn reach(&self, random: &mut fastrand::Rng) -> io::Result<TcpStream> {
+        let first = random.usize(0..self.servers.len());
+        let mut order = self.servers[first..].iter().chain(&self.servers[..first]);
+        order
+            .find_map(|server| TcpStream::connect(server).ok())
+            .ok_or(io::ErrorKind::ConnectionRefused.into())
     }
 
     /// Forwards one request and its response.

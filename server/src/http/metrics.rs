@@ -62,6 +62,15 @@ fn request_kind(route: &str) -> RequestKind {
     }
 }
 
+/// Media type of metrics.
+const MEDIA_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+
+/// The metrics of a server that does not lead: that it does not.
+pub(super) fn of_standby() -> Response {
+    let text = "# HELP roost_leader Whether this server leads those of its database.\n# TYPE roost_leader gauge\nroost_leader 0\n# EOF\n";
+    ([(header::CONTENT_TYPE, MEDIA_TYPE)], text).into_response()
+}
+
 /// Metrics for Prometheus.
 #[utoipa::path(get, path = "/metrics", tag = "server", operation_id = "metrics",
     responses((status = 200, description = "OpenMetrics text", body = String,
@@ -72,6 +81,5 @@ pub(crate) async fn metrics(State(app): State<App>) -> Result<Response, ApiError
     let usage = run_blocking(move || MachineUsage::now(&data)).await?;
     let text = app.metrics.encode(&app.connections, usage);
     let text = text.map_err(|error| ApiError::new(ProblemKind::Internal, error.to_string()))?;
-    let media_type = "application/openmetrics-text; version=1.0.0; charset=utf-8";
-    Ok(([(header::CONTENT_TYPE, media_type)], text).into_response())
+    Ok(([(header::CONTENT_TYPE, MEDIA_TYPE)], text).into_response())
 }

@@ -15,6 +15,7 @@ mod extract;
 mod fills;
 mod forecasts;
 mod frames;
+mod front;
 mod heartbeats;
 mod jobs;
 mod listener;
@@ -49,12 +50,16 @@ mod validate;
 mod workbooks;
 mod workers;
 
+use std::sync::Arc;
+
 use axum::extract::DefaultBodyLimit;
 use axum::http::{Method, Uri};
 use axum::middleware::{from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::{Extension, Router};
+use hyper_util::service::TowerToHyperService;
 use tokio::net::TcpListener;
+use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 use tower_http::catch_panic::CatchPanicLayer;
 use utoipa::OpenApi;
@@ -63,19 +68,30 @@ use utoipa_axum::routes;
 use utoipa_swagger_ui::{Config, SwaggerUi};
 
 use crate::config::ServerConfig;
-use crate::state::App;
+use crate::state::{App, Connections};
 pub(crate) use delivery::budget_kib as delivery_budget_kib;
 use extract::BodyLimit;
+pub(crate) use front::Role;
 use listener::Timeouts;
 use problem::{ApiError, ProblemKind};
 use roost_api::table::{SweepPoints, SweepResults};
 pub(crate) use upload::MAX_UPLOADS;
 
-/// Answers requests until `stop`, then finishes those under way.
-pub(crate) async fn serve(listener: TcpListener, app: App, stop: CancellationToken) {
-    let timeouts = Timeouts { head: app.config.head_timeout, body: app.config.body_timeout };
-    let connections = app.connections.clone();
-    listener::serve(listener, router(app), connections, timeouts, stop).await;
+/// Answers requests as the present role says until `stop`, then finishes those under way.
+pub(crate) async fn serve(
+    listener: TcpListener,
+    roles: watch::Receiver<Role>,
+    config: &ServerConfig,
+    connections: Arc<Connections>,
+    stop: CancellationToken,
+) {
+    let timeouts = Timeouts { head: config.head_timeout, body: config.body_timeout };
+    listener::serve(listener, front::router(roles), connections, timeouts, stop).await;
+}
+
+/// The role of a server that leads.
+pub(crate) fn leading(app: App) -> Role {
+    Role::Leads(TowerToHyperService::new(router(app)))
 }
 
 /// Title and description of the API; handlers add the routes.

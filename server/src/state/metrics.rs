@@ -101,6 +101,9 @@ impl Metrics {
             ("commit", option_env!("ROOST_COMMIT").unwrap_or("unknown").to_owned()),
         ];
         roost.register("build", "Versions that the server was built from", Info::new(build.to_vec()));
+        let leader = Gauge::<i64>::default();
+        leader.set(1);
+        roost.register("leader", "Whether this server leads those of its database", leader);
         let requests = Family::default();
         roost.register("http_requests", "Requests answered", requests.clone());
         let seconds = Family::new_with_constructor((|| Histogram::new(SECONDS)) as fn() -> Histogram);

@@ -20,6 +20,16 @@ pub enum Location {
     Postgres(postgres::Address),
 }
 
+impl Location {
+    /// The same place, for the sessions of the server at this host and port.
+    pub(crate) fn for_server(self, server: &str) -> Self {
+        match self {
+            Self::Postgres(address) => Self::Postgres(address.for_server(server)),
+            file @ Self::File(_) => file,
+        }
+    }
+}
+
 /// The reason why an address is not one of PostgreSQL.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LocationError {

@@ -40,20 +40,21 @@ fn migration(name: &str, sql: &'static [u8]) -> Option<Migration> {
     ))
 }
 
-/// Runs the migrations that a database lacks.
+/// Runs the migrations that a database lacks. Not by `Migrator::run`: its future cannot move between threads
+/// (<https://github.com/rust-lang/rust/issues/100013>).
 pub(super) async fn migrate(connection: &mut Connection) -> Result<(), StoreError> {
     refuse_newer(connection).await?;
     let migrator = migrator(connection.engine());
     match connection {
-        Connection::Sqlite(connection) => migrator.run(&mut **connection).await?,
-        Connection::LentSqlite(connection) => migrator.run(&mut **connection).await?,
+        Connection::Sqlite(connection) => migrator.run_direct(None, &mut **connection, false).await?,
+        Connection::LentSqlite(connection) => migrator.run_direct(None, &mut **connection, false).await?,
         Connection::Postgres(connection) => {
             // A migration of a large table takes its time.
             raw_sql("SET statement_timeout = 0").execute(&mut **connection).await?;
-            migrator.run(&mut **connection).await?;
+            migrator.run_direct(None, &mut **connection, false).await?;
             raw_sql("RESET statement_timeout").execute(&mut **connection).await?;
         }
-        Connection::LentPostgres(connection) => migrator.run(&mut **connection).await?,
+        Connection::LentPostgres(connection) => migrator.run_direct(None, &mut **connection, false).await?,
     }
     Ok(())
 }

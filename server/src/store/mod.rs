@@ -14,6 +14,7 @@ mod columns;
 mod database;
 mod deletion;
 mod deliveries;
+mod election;
 mod eligible_jobs;
 mod error;
 mod events;
@@ -72,6 +73,7 @@ pub use bucket::{Bucket, BucketError};
 pub(crate) use claims::Claim;
 use database::{Engine, Pool, query, raw_sql};
 pub(crate) use deliveries::EncodedResult;
+pub(crate) use election::{Election, Leader};
 pub use error::StoreError;
 pub(crate) use error::Unavailable;
 pub(crate) use events::EVENTS_AT_ONCE;
@@ -156,6 +158,11 @@ impl Store {
     /// Returns when the writer has ended: after a close, a panic, or a failed flush.
     pub(crate) async fn ended(&self) {
         self.writer.ended().await;
+    }
+
+    /// Whether the writer has ended because another server leads.
+    pub(crate) fn is_deposed(&self) -> bool {
+        self.writer.is_deposed()
     }
 
     /// Checks that reads and writes succeed.

@@ -9,13 +9,15 @@
 //! before its first change, and each job changes a page.
 //!
 //! A connection to PostgreSQL can break, or stop answering. All writes of its group are then refused, and the next write opens another
-//! connection.
+//! connection. If another server leads then, the writer ends. An idle writer makes an empty write every [`BEAT`]: it shows the other
+//! servers that this one lives, and finds a broken connection before anybody reads what is out of date.
 
 use std::future::Future;
 use std::io;
 use std::path::Path;
 use std::pin::Pin;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use prometheus_client::metrics::histogram::Histogram;
@@ -36,6 +38,9 @@ use super::flusher::{Answer, Flusher};
 /// Jobs that one transaction of a large sweep changes. A claim or heartbeat waits for two such transactions at most: one that runs, and one
 /// beside the batch that the request missed.
 pub(super) const SLICE: usize = 250;
+
+/// Maximum pause between transactions on PostgreSQL.
+pub(super) const BEAT: Duration = Duration::from_secs(2);
 
 /// The future of a write; it borrows the connection.
 pub(super) type Work<'t, T> = Pin<Box<dyn Future<Output = Result<T, StoreError>> + Send + 't>>;
@@ -107,6 +112,7 @@ pub(super) struct Writer {
     queue: mpsc::Sender<Message>,
     task: tokio::sync::Mutex<Option<JoinHandle<()>>>,
     ended: CancellationToken,
+    is_deposed: Arc<AtomicBool>,
     commits: Commits,
     outages: Arc<Outages>,
     commit_seconds: Histogram,
@@ -143,7 +149,8 @@ impl Writer {
         // Cancelled however the task ends, a panic included.
         let guard = ended.clone().drop_guard();
         let shared = Shared::default();
-        let (commits, outages) = (shared.commits.clone(), shared.outages.clone());
+        let (commits, outages, is_deposed) =
+            (shared.commits.clone(), shared.outages.clone(), shared.is_deposed.clone());
         let commit_seconds = Histogram::new(COMMIT_SECONDS);
         let seconds = commit_seconds.clone();
         let flusher = flusher(commit_seconds.clone(), ended.clone())?;
@@ -151,7 +158,8 @@ impl Writer {
             let _guard = guard;
             run(opened, waiting, &shared, (flusher, seconds)).await;
         });
-        Ok(Self { queue, task: tokio::sync::Mutex::new(Some(task)), ended, commits, outages, commit_seconds })
+        let task = tokio::sync::Mutex::new(Some(task));
+        Ok(Self { queue, task, ended, is_deposed, commits, outages, commit_seconds })
     }
 
     /// The counter of commits.
@@ -172,6 +180,11 @@ impl Writer {
     /// Cancelled when the writer has ended.
     pub(super) fn end(&self) -> CancellationToken {
         self.ended.clone()
+    }
+
+    /// Whether it has ended because another server leads.
+    pub(super) fn is_deposed(&self) -> bool {
+        self.is_deposed.load(Ordering::Acquire)
     }
 
     /// Returns when the writer has ended.
@@ -246,6 +259,14 @@ impl Next {
     }
 }
 
+/// A write that changes nothing.
+fn empty() -> Box<dyn Write> {
+    fn nothing(_: &mut Connection) -> Work<'_, ()> {
+        Box::pin(async { Ok(()) })
+    }
+    Box::new(Request { is_large: false, work: nothing, sender: oneshot::channel().0 })
+}
+
 async fn run(
     (connection, mut line): (Connection, Line),
     mut waiting: mpsc::Receiver<Message>,
@@ -254,7 +275,12 @@ async fn run(
 ) {
     let mut next = Next::default();
     let mut open = Some(connection);
-    while let Some(first) = next.first(&mut waiting).await {
+    loop {
+        let first = match line.can_break() {
+            true => timeout(BEAT, next.first(&mut waiting)).await.unwrap_or_else(|_| Some(empty())),
+            false => next.first(&mut waiting).await,
+        };
+        let Some(first) = first else { break };
         let began = Instant::now();
         let begun = begin(&mut open, &mut line, first.is_large(), shared).await;
         let connection = match (begun, &mut open) {
@@ -265,7 +291,12 @@ async fn run(
                     shared.outages.note();
                 }
                 tracing::error!(error = error.as_dyn(), "a transaction could not begin");
+                let is_deposed = matches!(error, StoreError::OtherServer(_));
                 first.refuse(error);
+                if is_deposed {
+                    shared.is_deposed.store(true, Ordering::Release);
+                    break;
+                }
                 continue;
             }
         };

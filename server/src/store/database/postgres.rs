@@ -1,7 +1,7 @@
 //! Opening databases of PostgreSQL.
 //!
-//! One server uses a database: its writing connection holds a lock of the session. Each transaction that writes also takes a lock, so that
-//! writers come one after the other even where several servers share a database.
+//! One server leads a database: its writing connection holds a lock of the session, and has the address of the server in its name. Each
+//! transaction that writes also takes a lock, so that writers come one after the other.
 
 use std::fmt;
 use std::str::FromStr;
@@ -45,10 +45,23 @@ const LOCK_ATTEMPTS: u32 = 30;
 /// Takes the lock of the server for as long as the session lives.
 pub(super) const LOCK_SERVER: &str = "SELECT pg_try_advisory_lock(8246779703540740722)";
 
-/// Ends the session of an earlier connection of this server, if it still holds the lock.
+/// Ends the session of an earlier connection of this server, if it still holds the lock, and counts it.
 const END_EARLIER: &str = "SELECT count(pg_terminate_backend(pid)) FROM pg_locks
     WHERE locktype = 'advisory' AND pid = ANY($1) AND classid::bigint << 32 | objid::bigint = 8246779703540740722
       AND database = (SELECT oid FROM pg_database WHERE datname = current_database())";
+
+/// The session that holds the lock of the server, its name, and whether it has been idle for longer than this number of seconds.
+pub(in crate::store) const HOLDER: &str =
+    "SELECT pid, application_name, state LIKE 'idle%' AND now() - state_change > make_interval(secs => $1)
+    FROM pg_locks JOIN pg_stat_activity USING (pid)
+    WHERE locktype = 'advisory' AND granted AND classid::bigint << 32 | objid::bigint = 8246779703540740722
+      AND database = (SELECT oid FROM pg_database WHERE datname = current_database())";
+
+/// Between the name and the address of a server, in the name of its sessions.
+const AT: &str = " at ";
+
+/// Maximum length of the name of a session; PostgreSQL cuts off the rest.
+const MAX_NAME_BYTES: usize = 63;
 
 /// Begins a transaction of a writer, and waits for those of other servers. Each later statement must see what they committed, whatever
 /// isolation the database has by default.
@@ -93,7 +106,20 @@ impl fmt::Debug for Address {
     }
 }
 
+/// The address of a server in the name of its session.
+pub(in crate::store) fn address_in_name(name: &str) -> Option<&str> {
+    name.rsplit_once(AT).map(|(_, address)| address)
+}
+
 impl Address {
+    /// The same database, for the sessions of the server at this host and port.
+    pub(crate) fn for_server(&self, server: &str) -> Self {
+        let name = self.0.get_application_name().unwrap_or_default();
+        let room = MAX_NAME_BYTES.saturating_sub(AT.len() + server.len());
+        let name = &name[..name.floor_char_boundary(room)];
+        Self(Box::new((*self.0).clone().application_name(&format!("{name}{AT}{server}"))))
+    }
+
     /// A connection that writes and holds the lock of the server, and the version of PostgreSQL. `sessions` are those of this server that
     /// may hold the lock. Afterwards it is the new one alone; after a failure, one more may hold it.
     pub(in crate::store) async fn connect_writer(
@@ -126,11 +152,17 @@ impl Address {
                 break;
             }
             sessions.pop();
+            let own: i64 = match sessions.is_empty() {
+                true => 0,
+                false => sqlx::query_scalar(END_EARLIER).bind(&*sessions).fetch_one(&mut *connection).await?,
+            };
             if attempt == LOCK_ATTEMPTS {
-                return Err(StoreError::OtherServer(self.to_string()));
-            }
-            if !sessions.is_empty() {
-                sqlx::query(END_EARLIER).bind(&*sessions).execute(&mut *connection).await?;
+                // An earlier session of this server that cannot be ended is no other server.
+                return Err(if own > 0 {
+                    self.failed(late())
+                } else {
+                    StoreError::OtherServer(self.to_string())
+                });
             }
             sleep(Duration::from_millis(100)).await;
         }
@@ -180,13 +212,28 @@ impl Address {
 }
 
 /// The error of a missed deadline.
-pub(super) fn late() -> sqlx::Error {
+pub(in crate::store) fn late() -> sqlx::Error {
     sqlx::Error::Io(std::io::ErrorKind::TimedOut.into())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_of_sessions_have_the_address_of_their_server() {
+        let plain: Address = "postgres://me@db.example/roost".parse().unwrap();
+        let name_of = |address: &Address| address.0.get_application_name().unwrap().to_owned();
+        assert_eq!(address_in_name(&name_of(&plain)), None);
+        assert_eq!(name_of(&plain.for_server("10.0.0.5:7373")), "roost at 10.0.0.5:7373");
+        let long: Address =
+            format!("postgres://me@db.example/roost?application_name={}", "é".repeat(30)).parse().unwrap();
+        for server in ["10.0.0.5:7373", "[2001:db8::5]:7373", &format!("{}:7373", "a".repeat(54))] {
+            let name = name_of(&long.for_server(server));
+            assert!(name.len() <= MAX_NAME_BYTES, "{name}");
+            assert_eq!(address_in_name(&name), Some(server));
+        }
+    }
 
     #[test]
     fn an_address_shows_no_password() {

@@ -150,7 +150,7 @@ async fn no_attempt_is_lost_in_an_outage_longer_than_a_lease() {
     let (data, lease) = (tempfile::tempdir().unwrap(), Duration::from_secs(3));
     let (listen, folder) = (([127, 0, 0, 1], 0).into(), data.path().to_owned());
     let config = ServerConfig { listen, data: folder, database, lease, ..ServerConfig::default() };
-    let app = Server::bind(config).await.unwrap().app;
+    let app = Server::bind(config).await.unwrap().app();
     let until = app.clock.lease_now().plus_ms(3000).0;
     let job = "INSERT INTO scenarios (digest, body) VALUES ('d', '{}');
                INSERT INTO jobs (id, scenario_digest, seed, priority, queue_position, labels, cache, submitted_at, state, attempt,

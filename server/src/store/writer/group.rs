@@ -5,6 +5,7 @@
 
 use std::io;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use tokio::sync::mpsc;
@@ -22,6 +23,8 @@ use crate::store::database::{Connection, Engine, postgres, raw_sql};
 pub(super) struct Shared {
     pub(super) commits: Commits,
     pub(super) outages: Arc<Outages>,
+    /// Whether another server leads.
+    pub(super) is_deposed: Arc<AtomicBool>,
 }
 
 /// Why a transaction was not committed.

@@ -43,7 +43,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/compress/strain_rate_1_s", "1/s", 0.05, above_to(0.0, 10.0), "assumed",
         "Strain rate. The paper compresses 10 mm at 1 mm/min, a strain rate of 0.0017 1/s."),
     number("/compress/max_strain", "", 0.06, above_to(0.0, 0.5), "Fig. 6",
-        "Strain at which the test ends, counted from the first contact."),
+        "Strain at which the test ends. The strain counts from the moment at which the stress becomes positive."),
     number("/compress/modulus_from_strain", "", 0.0, from_to(0.0, 0.5), "section 3.1",
         "Start of the strain range to which the modulus is fitted."),
     number("/compress/modulus_to_strain", "", 0.03, above_to(0.0, 0.5), "section 3.1",

@@ -1,0 +1,80 @@
+//! What a server opens to lead: the data directory, the database and the shared state of its requests.
+
+use std::fs::File;
+use std::sync::Arc;
+
+use tokio::sync::Semaphore;
+use tokio_util::sync::CancellationToken;
+
+use super::{ServerError, Site, retry_in_use};
+use crate::clock::Clock;
+use crate::data;
+use crate::http;
+use crate::queue::lease_end;
+use crate::state::{Access, App, AppState, MeshCache, Metrics};
+use crate::store::{Location, OBJECTS, Store};
+
+/// A server that leads.
+pub(super) struct Leading {
+    pub(super) app: App,
+    /// Held while it leads: two servers on one directory would lease the same jobs.
+    _lock: File,
+}
+
+impl Leading {
+    /// Opens all of it, and gives running attempts a new lease.
+    pub(super) async fn start(site: &Site) -> Result<Self, ServerError> {
+        let Site { address, ref place, .. } = *site;
+        let config = site.config.clone();
+        let lock = retry_in_use(|| match place {
+            Location::File(_) => Ok(data::lock(&config.data)?),
+            Location::Postgres(database) => Ok(data::lock_for(&database.to_string(), &config.data)?),
+        });
+        let lock = lock.await?;
+        let store = Store::open(place, &config.data.join(OBJECTS), config.objects.as_ref()).await?;
+        let (tokens, is_loopback) = (store.tokens().await?, address.ip().is_loopback());
+        if !is_loopback && tokens.iter().all(|token| token.is_revoked) {
+            store.close().await;
+            return Err(ServerError::NotLoopback(address));
+        }
+        let (max_requests_per_s, max_result_bytes) = (config.max_requests_per_s, config.max_result_bytes);
+        let access = Access::new(max_requests_per_s, is_loopback, tokens);
+        let newest_at_start = store.newest_record().await?;
+        let clock = Clock::start();
+        let running = store.renew_all_leases(lease_end(clock.lease_now(), config.lease)).await?;
+        tracing::info!(%address, data = %config.data.display(), database = %place, running, "listening");
+        if access.is_open() {
+            tracing::warn!("no access token exists: every user of this machine may do everything");
+        }
+        let connections = site.connections.clone();
+        let metrics = Metrics::new(&store, &connections);
+        let app = Arc::new(AppState {
+            mesh_cache: MeshCache::new(config.max_mesh_triangles),
+            config,
+            store,
+            clock,
+            newest_at_start,
+            work: Default::default(),
+            delivery_budget: Arc::new(Semaphore::new(http::delivery_budget_kib(max_result_bytes))),
+            upload_slots: Arc::new(Semaphore::new(http::MAX_UPLOADS)),
+            sweep_views: Default::default(),
+            sweep_responses: Default::default(),
+            mesh_gate: Default::default(),
+            submission_turns: Default::default(),
+            connections,
+            metrics,
+            access,
+            refusal_limit: Default::default(),
+            shutdown: CancellationToken::new(),
+            checkpoint_uploads: Default::default(),
+            fill_uploads: Default::default(),
+            progress: Default::default(),
+            slots: Default::default(),
+            farm_views: Default::default(),
+            forecasts: Default::default(),
+            study_forecasts: Default::default(),
+            curve_points: Default::default(),
+        });
+        Ok(Self { app, _lock: lock })
+    }
+}

@@ -1,0 +1,82 @@
+//! Which server leads: of the servers that share a database of PostgreSQL, the one whose writing connection holds the lock of the server.
+//!
+//! PostgreSQL gives the lock to one session and takes it back with the session, so that the lock and the writes end together. The name of
+//! the session has the address of its server.
+
+use std::time::Duration;
+
+use sqlx::PgConnection;
+use tokio::time::timeout;
+
+use super::StoreError;
+use super::database::postgres::{self, Address};
+
+/// A leader whose session is idle for this long has stopped, or has lost PostgreSQL: a leader writes every [`BEAT`](super::writer::BEAT).
+const SILENT_S: f64 = 15.0;
+
+/// Maximum time of a question.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// Who leads.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Leader {
+    /// Nobody.
+    Nobody,
+    /// The server at this host and port.
+    At(String),
+    /// A session without an address: a command that writes, or a server of an earlier version.
+    Unnamed,
+}
+
+/// A connection that asks who leads.
+pub(crate) struct Election {
+    address: Address,
+    connection: Option<PgConnection>,
+}
+
+impl Election {
+    pub(crate) fn new(address: Address) -> Self {
+        Self { address, connection: None }
+    }
+
+    /// Who leads now. Ends the session of a leader that has been silent for too long, so that another server can lead.
+    pub(crate) async fn leader(&mut self) -> Result<Leader, StoreError> {
+        let mut connection = match self.connection.take() {
+            Some(connection) => connection,
+            None => self.address.connect().await?.0,
+        };
+        // A connection that fails is not used again.
+        let asked = timeout(PATIENCE, ask(&mut connection)).await;
+        let leader = asked.map_err(|_| postgres::late()).flatten()?;
+        self.connection = Some(connection);
+        Ok(leader)
+    }
+
+    /// Whether an access token is valid. A database that no server has opened yet has none.
+    pub(crate) async fn has_tokens(&mut self) -> Result<bool, StoreError> {
+        let mut connection = self.address.connect().await?.0;
+        let exists: bool =
+            sqlx::query_scalar("SELECT to_regclass('tokens') IS NOT NULL").fetch_one(&mut connection).await?;
+        if !exists {
+            return Ok(false);
+        }
+        let valid = "SELECT EXISTS (SELECT 1 FROM tokens WHERE revoked_at IS NULL)";
+        Ok(sqlx::query_scalar(valid).fetch_one(&mut connection).await?)
+    }
+}
+
+async fn ask(connection: &mut PgConnection) -> Result<Leader, sqlx::Error> {
+    let holder: Option<(i32, Option<String>, Option<bool>)> =
+        sqlx::query_as(postgres::HOLDER).bind(SILENT_S).fetch_optional(&mut *connection).await?;
+    let Some((session, name, is_silent)) = holder else { return Ok(Leader::Nobody) };
+    let address = name.as_deref().and_then(postgres::address_in_name);
+    if is_silent == Some(true) && address.is_some() {
+        tracing::warn!(
+            leader = address,
+            "the leading server is silent: its session is ended, and another server leads"
+        );
+        sqlx::query("SELECT pg_terminate_backend($1)").bind(session).execute(connection).await?;
+        return Ok(Leader::Nobody);
+    }
+    Ok(address.map_or(Leader::Unnamed, |address| Leader::At(address.to_owned())))
+}

@@ -1,0 +1,97 @@
+//! Several servers of one database: one leads, and the others pass requests on and take its place.
+
+use std::os::unix::fs::symlink;
+use std::time::{Duration, Instant};
+
+use roost_api::job::JobState;
+use serde_json::json;
+
+use crate::cluster::Cluster;
+use crate::support::{self, Process, Sandbox, hopper_scenario};
+
+/// Two places for servers of one database, with the same folder of objects.
+pub(crate) fn pair_of_sandboxes(new: impl Fn() -> Sandbox) -> [Sandbox; 2] {
+    let pair = [new(), new()];
+    std::fs::create_dir(pair[0].path("data")).unwrap();
+    symlink(pair[0].path("data"), pair[1].path("data")).unwrap();
+    pair
+}
+
+/// A PostgreSQL with one database, and two servers of it: the first one leads.
+fn two_servers() -> (Cluster, String, [Sandbox; 2], [Process; 2]) {
+    let postgres = Cluster::start(&std::env::temp_dir(), "");
+    let database = postgres.create("roost");
+    let sandboxes = pair_of_sandboxes(Sandbox::new);
+    let servers = [0, 1].map(|index| start(&sandboxes[index], &database));
+    assert!(servers[1].log().contains("standing by: another server leads"), "{}", servers[1].log());
+    (postgres, database, sandboxes, servers)
+}
+
+fn start(sandbox: &Sandbox, database: &str) -> Process {
+    sandbox.start_server_with(&["--lease-s", "3", "--database", database])
+}
+
+/// Asks for the list of jobs for some time. Each answer must be 200.
+fn answers_all_the_time(sandbox: &Sandbox, time: Duration) {
+    let started = Instant::now();
+    while started.elapsed() < time {
+        assert_eq!(sandbox.status("/v1/jobs"), Some(200), "after {:?}", started.elapsed());
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
+#[test]
+fn either_of_two_servers_answers_and_the_second_leads_after_the_first() {
+    let (_postgres, database, [one, two], [first, second]) = two_servers();
+    // Workers and users may use either.
+    let _workers = [one.start_worker("one"), two.start_worker("two")];
+    let submit = |sandbox: &Sandbox, seed: u32| {
+        let mut scenario = hopper_scenario(0.6);
+        scenario["seed"] = json!(seed);
+        sandbox.submit(&scenario)
+    };
+    let mut jobs: Vec<_> = (0..8).map(|seed| submit(if seed % 2 == 0 { &one } else { &two }, seed)).collect();
+    two.wait_for_job(&jobs[0], "a job is under way or has ended", |job| job.state != JobState::Queued);
+    let ids = |sandbox: &Sandbox| -> Vec<serde_json::Value> {
+        let page = sandbox.get("/v1/jobs");
+        page["items"].as_array().unwrap().iter().map(|job| job["id"].clone()).collect()
+    };
+    assert_eq!((ids(&one).len(), ids(&one)), (jobs.len(), ids(&two)));
+
+    // A crash: workers of the dead server go on once it is back.
+    first.kill();
+    answers_all_the_time(&two, Duration::from_secs(3));
+    let first = start(&one, &database);
+    assert!(first.log().contains("standing by: another server leads"), "{}", first.log());
+    jobs.push(submit(&one, 8));
+
+    // The end of an upgrade: the second stops in good order.
+    second.terminate();
+    answers_all_the_time(&one, Duration::from_secs(3));
+    let (status, _) = second.wait();
+    assert!(status.success(), "{status}");
+    let _second = start(&two, &database);
+    jobs.push(submit(&two, 9));
+
+    for job in &jobs {
+        two.wait_for_job(job, "the job has succeeded", |job| job.state == JobState::Succeeded);
+    }
+    assert_eq!(one.results_recorded(), jobs.len() as u64, "one result for each job");
+}
+
+#[test]
+fn a_frozen_leader_loses_the_lead_and_stands_by_afterwards() {
+    let (_postgres, _database, [one, two], [first, _second]) = two_servers();
+    first.freeze();
+    let waited = Instant::now();
+    support::wait_until("the second server leads", || two.answers("/readyz", 200).then_some(()));
+    assert!(waited.elapsed() > Duration::from_secs(10), "a short pause is no reason: {:?}", waited.elapsed());
+    let job = two.submit(&hopper_scenario(0.6));
+    first.thaw();
+    support::wait_until("the first server stands by", || {
+        first.log().contains("another server leads now").then_some(())
+    });
+    assert_eq!(one.job(&job).unwrap().state, JobState::Queued);
+    let _worker = one.start_worker("worker");
+    two.wait_for_job(&job, "the job has succeeded", |job| job.state == JobState::Succeeded);
+}
