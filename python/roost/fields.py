@@ -846,8 +846,8 @@ class Compress(TypedDict, total=False):
     """Numbers of sub-particles of the block along x, y and z. With a radius of 1.75 mm, 10 × 10 × 3 sub-particles are
     35 × 35 × 10.5 mm. Source: section 2.3.2. Default: [10, 10, 3]."""
     max_strain: float
-    """Strain at which the test ends, counted from the first contact. Source: Fig. 6. Default: 0.06. Range: > 0 and ≤
-    0.5."""
+    """Strain at which the test ends. The strain counts from the moment at which the stress becomes positive. Source:
+    Fig. 6. Default: 0.06. Range: > 0 and ≤ 0.5."""
     modulus_from_strain: float
     """Start of the strain range to which the modulus is fitted. Source: section 3.1. Default: 0.0. Range: ≥ 0 and ≤
     0.5."""
