@@ -1,6 +1,6 @@
 //! `roost serve`: run the server.
 
-use std::net::SocketAddr;
+use std::net::{Ipv6Addr, SocketAddr};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -158,11 +158,18 @@ fn address(text: &str) -> Result<SocketAddr, String> {
 
 fn host_and_port(text: &str) -> Result<String, String> {
     let is_port = |port: &str| port.parse::<u16>().is_ok_and(|port| port > 0);
-    let is_host = |host: &str| (1..=MAX_HOST_BYTES).contains(&host.len()) && !host.contains(['/', '@', ' ']);
+    let is_name =
+        |host: &str| !host.is_empty() && host.chars().all(|c| c.is_ascii_alphanumeric() || "-.".contains(c));
+    let is_host = |host: &str| match host.strip_prefix('[').and_then(|host| host.strip_suffix(']')) {
+        Some(address) => address.parse::<Ipv6Addr>().is_ok(),
+        None => is_name(host),
+    };
     match text.rsplit_once(':') {
-        Some((host, port)) if is_host(host) && is_port(port) => Ok(text.to_owned()),
+        Some((host, port)) if is_host(host) && host.len() <= MAX_HOST_BYTES && is_port(port) => {
+            Ok(text.to_owned())
+        }
         _ => Err(format!(
-            "write a host of at most {MAX_HOST_BYTES} characters and a port, such as roost-1.example:7373"
+            "write a host of at most {MAX_HOST_BYTES} letters, digits, dots and hyphens, and a port, such as roost-1.example:7373 or [2001:db8::5]:7373"
         )),
     }
 }

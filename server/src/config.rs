@@ -68,9 +68,11 @@ pub struct ServerConfig {
 }
 
 impl ServerConfig {
-    /// Host and port at which the other servers reach this one, which listens on an address.
-    pub(crate) fn advertised(&self, address: SocketAddr) -> String {
-        self.advertise.clone().unwrap_or_else(|| address.to_string())
+    /// Host and port at which the other servers reach this one, which listens on an address; none if it listens on all addresses and
+    /// names none of them.
+    pub(crate) fn advertised(&self, address: SocketAddr) -> Option<String> {
+        let own = (!address.ip().is_unspecified()).then(|| address.to_string());
+        self.advertise.clone().or(own)
     }
 
     /// Where the database is.

@@ -21,7 +21,7 @@ use crate::http::Role;
 use crate::state::App;
 use crate::state::Connections;
 use crate::store::{Location, StoreError};
-use crate::{decider, http, process, reaper};
+use crate::{http, process};
 
 /// Why a server did not start, or ended.
 #[derive(Debug, thiserror::Error)]
@@ -78,6 +78,13 @@ struct Site {
     connections: Arc<Connections>,
 }
 
+impl Site {
+    /// Whether a leader gives the address of this server.
+    fn is_own(&self, leader: &str) -> bool {
+        self.config.advertised(self.address).is_some_and(|own| own == leader)
+    }
+}
+
 impl Server {
     /// Opens the address, and the data directory unless another server leads. Attempts that ran when the server last stopped get a new
     /// lease.
@@ -96,7 +103,11 @@ impl Server {
         }
         let address = listener.local_addr().map_err(|source| ServerError::Bind { address, source })?;
         let connections = Arc::new(Connections::new(max_connections(&config)));
-        let place = config.place().for_server(&config.advertised(address));
+        let advertised = config.advertised(address);
+        if config.database.is_some() && advertised.is_none() {
+            tracing::warn!(%address, "other servers of the database cannot reach this one: start it with --advertise HOST:PORT");
+        }
+        let place = config.place().for_server(advertised.as_deref());
         let site = Site { config, address, place, connections };
         let first = match standby::led_by_another(&site).await? {
             true => None,
@@ -107,7 +118,7 @@ impl Server {
             },
         };
         if first.is_none() {
-            tracing::info!(%address, database = %site.place, "standing by: another server leads");
+            tracing::info!(%address, database = %site.place, "standing by: the database is in use");
         }
         Ok(Self { listener, site, first })
     }
@@ -127,48 +138,44 @@ impl Server {
     /// are answered at once, running requests are finished, and everything that was acknowledged is on disk.
     pub async fn run(self, shutdown: CancellationToken) -> Result<(), ServerError> {
         let Self { listener, site, mut first } = self;
-        let (role, roles) = watch::channel(Role::Waits("the server starts".to_owned()));
+        let (role, roles) = watch::channel(Role::Waits);
         let stop = CancellationToken::new();
         let serving = http::serve(listener, roles, &site.config, site.connections.clone(), stop.clone());
         tokio::pin!(serving);
-        loop {
+        let (outcome, last) = loop {
             let leading = match first.take() {
                 Some(leading) => leading,
                 None => tokio::select! {
                     leading = standby::wait_to_lead(&site, &role) => leading,
-                    () = shutdown.cancelled() => {
-                        stop.cancel();
-                        let _ = tokio::time::timeout(SHUTDOWN_GRACE, &mut serving).await;
-                        return Ok(());
-                    }
+                    () = shutdown.cancelled() => break (Ok(()), None),
                     () = &mut serving => return Ok(()),
                 },
             };
-            let app = leading.app.clone();
-            let (reaper, decider) =
-                (tokio::spawn(reaper::run(app.clone())), tokio::spawn(decider::run(app.clone())));
-            role.send_replace(http::leading(app.clone()));
+            let tasks = leading.begin();
+            role.send_replace(http::leading(leading.app.clone()));
             let ended = tokio::select! {
-                () = &mut serving => Some(Ok(())),
-                () = shutdown.cancelled() => Some(Ok(())),
-                () = app.store.ended() => (!app.store.is_deposed()).then_some(Err(ServerError::WriterEnded)),
+                () = &mut serving => return Ok(()),
+                () = shutdown.cancelled() => Ok(()),
+                () = leading.app.store.ended() => Err(ServerError::WriterEnded),
             };
-            app.shutdown.cancel();
-            if ended.is_some() {
-                stop.cancel();
-                // A client that neither reads nor closes must not delay the shutdown.
-                let _ = tokio::time::timeout(SHUTDOWN_GRACE, &mut serving).await;
-            } else {
-                tracing::warn!("another server leads now: this one stands by");
-                role.send_replace(Role::Waits("the lead has just changed".to_owned()));
+            leading.app.shutdown.cancel();
+            match ended {
+                Err(_) if leading.app.store.is_deposed() => {
+                    tracing::warn!("another server leads now: this one stands by");
+                    role.send_replace(Role::Waits);
+                    // Requests under way may hold its state for a while.
+                    tokio::spawn(leading.end(tasks));
+                }
+                ended => break (ended, Some((leading, tasks))),
             }
-            let _ = reaper.await;
-            let _ = decider.await;
-            app.store.close().await;
-            if let Some(ended) = ended {
-                return ended;
-            }
+        };
+        stop.cancel();
+        // A client that neither reads nor closes must not delay the shutdown.
+        let _ = tokio::time::timeout(SHUTDOWN_GRACE, &mut serving).await;
+        if let Some((leading, tasks)) = last {
+            leading.end(tasks).await;
         }
+        outcome
     }
 }
 

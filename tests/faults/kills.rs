@@ -37,6 +37,8 @@ struct Farm {
     submitted: BTreeSet<String>,
     /// A PostgreSQL that crashes too, and the address of the servers' database in it.
     postgres: Option<(Cluster, String)>,
+    /// Whether a server may be stopped for longer than a leader may be silent.
+    has_long_stops: bool,
 }
 
 impl Farm {
@@ -95,7 +97,10 @@ impl Farm {
         let index = self.random.usize(0..self.processes.len());
         if !self.is_frozen(index) {
             self.processes[index].as_ref().unwrap().freeze();
-            self.frozen.push((index, Instant::now() + Duration::from_millis(self.random.u64(100..3000))));
+            // By hand also for so long that another server takes the lead.
+            let is_long = index < self.sandboxes.len() && self.has_long_stops && self.random.u32(0..4) == 0;
+            let time_ms = if is_long { self.random.u64(16_000..25_000) } else { self.random.u64(100..3000) };
+            self.frozen.push((index, Instant::now() + Duration::from_millis(time_ms)));
         }
     }
 
@@ -189,6 +194,7 @@ fn disturb_servers(servers: usize, postgres: Option<(Cluster, String)>) {
         frozen: Vec::new(),
         submitted: BTreeSet::new(),
         postgres,
+        has_long_stops: servers > 1 && kills > KILLS,
     };
     (0..processes).for_each(|index| farm.start(index));
     let started = Instant::now();

@@ -1,6 +1,7 @@
 //! Several servers of one database: one leads, and the others pass requests on and take its place.
 
 use std::os::unix::fs::symlink;
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use roost_api::job::JobState;
@@ -23,7 +24,7 @@ fn two_servers() -> (Cluster, String, [Sandbox; 2], [Process; 2]) {
     let database = postgres.create("roost");
     let sandboxes = pair_of_sandboxes(Sandbox::new);
     let servers = [0, 1].map(|index| start(&sandboxes[index], &database));
-    assert!(servers[1].log().contains("standing by: another server leads"), "{}", servers[1].log());
+    assert!(servers[1].log().contains("requests are passed on"), "{}", servers[1].log());
     (postgres, database, sandboxes, servers)
 }
 
@@ -62,7 +63,7 @@ fn either_of_two_servers_answers_and_the_second_leads_after_the_first() {
     first.kill();
     answers_all_the_time(&two, Duration::from_secs(3));
     let first = start(&one, &database);
-    assert!(first.log().contains("standing by: another server leads"), "{}", first.log());
+    assert!(first.log().contains("requests are passed on"), "{}", first.log());
     jobs.push(submit(&one, 8));
 
     // The end of an upgrade: the second stops in good order.
@@ -79,13 +80,28 @@ fn either_of_two_servers_answers_and_the_second_leads_after_the_first() {
     assert_eq!(one.results_recorded(), jobs.len() as u64, "one result for each job");
 }
 
+/// A request by a process of its own, which ends by itself after a minute.
+fn curl(arguments: &[&str], url: &str) -> Child {
+    let mut command = Command::new("curl");
+    command.args(["-sN", "--max-time", "60"]).args(arguments).arg(url).stdout(Stdio::piped()).spawn().unwrap()
+}
+
 #[test]
 fn a_frozen_leader_loses_the_lead_and_stands_by_afterwards() {
+    const TIMED_OUT: i32 = 28;
     let (_postgres, _database, [one, two], [first, _second]) = two_servers();
+    let waiting = one.submit(&hopper_scenario(0.6));
+    let mut stream = curl(&[], &format!("{}/v1/jobs/{}/events", two.address, waiting.id));
+    std::thread::sleep(Duration::from_millis(500));
     first.freeze();
     let waited = Instant::now();
+    let read = curl(&["-o", "/dev/null", "-w", "%{http_code}"], &format!("{}/v1/jobs", two.address));
     support::wait_until("the second server leads", || two.answers("/readyz", 200).then_some(()));
     assert!(waited.elapsed() > Duration::from_secs(10), "a short pause is no reason: {:?}", waited.elapsed());
+    assert_eq!(read.wait_with_output().unwrap().stdout, b"200", "a read from before goes to the next leader");
+    let ended = stream.wait().unwrap();
+    assert_ne!(ended.code(), Some(TIMED_OUT), "a stream of the frozen leader ends");
+
     let job = two.submit(&hopper_scenario(0.6));
     first.thaw();
     support::wait_until("the first server stands by", || {
@@ -93,5 +109,7 @@ fn a_frozen_leader_loses_the_lead_and_stands_by_afterwards() {
     });
     assert_eq!(one.job(&job).unwrap().state, JobState::Queued);
     let _worker = one.start_worker("worker");
-    two.wait_for_job(&job, "the job has succeeded", |job| job.state == JobState::Succeeded);
+    for job in [waiting, job] {
+        two.wait_for_job(&job, "the job has succeeded", |job| job.state == JobState::Succeeded);
+    }
 }

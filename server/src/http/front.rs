@@ -3,31 +3,33 @@
 //! Several servers can share a database of PostgreSQL. One of them leads: it answers. The others pass each request on to the leader, body
 //! and answer as streams. A request that finds no leader waits a moment for one.
 
+mod body;
+
 use std::net::SocketAddr;
-use std::pin::Pin;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::task::{Context, Poll};
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
-use axum::body::{Body, Bytes, HttpBody};
+use axum::body::Body;
 use axum::extract::{ConnectInfo, Request, State};
 use axum::http::uri::{Authority, PathAndQuery, Scheme};
-use axum::http::{HeaderMap, HeaderName, HeaderValue, Uri, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Uri, Version, header};
 use axum::response::{IntoResponse, Response};
-use hyper::body::{Frame, SizeHint};
+use futures_util::stream;
 use hyper::service::Service;
 use hyper_util::client::legacy::Client;
 use hyper_util::client::legacy::connect::HttpConnector;
 use hyper_util::rt::{TokioExecutor, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use tokio::sync::watch;
-use tokio::time::{Instant, timeout_at};
+use tokio::time::{Instant, sleep, timeout_at};
+use tokio_util::sync::CancellationToken;
 
 use super::problem::{ApiError, ProblemKind};
 use super::{meta, metrics, safety};
+use body::{Lent, Relayed};
 
-/// Maximum time that a request waits for a leader. A leader that stops has a successor within two seconds. Tests wait for it.
+/// Maximum time that a request waits for a leader. A leader that stops has a successor within a few seconds. Tests wait for it.
 const PATIENCE: Duration = Duration::from_secs(if cfg!(test) { 1 } else { 10 });
 
 /// Wait before a leader that could not be reached is tried again.
@@ -39,13 +41,19 @@ const CONNECT: Duration = Duration::from_secs(2);
 /// Time for the answers of a leader after the end of its lead.
 const LAST_ANSWERS: Duration = Duration::from_secs(3);
 
+/// Time for the answers of the leader after this server was told to stop.
+const LAST_RELAYS: Duration = Duration::from_secs(1);
+
 /// Age at which an unused connection to the leader is closed. The leader closes one after 10 s.
 const IDLE: Duration = Duration::from_secs(5);
+
+/// Silence after which the system asks whether the leader's machine still has the connection.
+const KEEPALIVE: Duration = Duration::from_secs(10);
 
 /// Marks a request that a server has passed on. It is not passed on twice.
 const PASSED_ON: HeaderName = HeaderName::from_static("roost-passed-on");
 
-/// The peer that a proxy names.
+/// The clients and proxies that a request came from.
 const FORWARDED_FOR: HeaderName = HeaderName::from_static("x-forwarded-for");
 
 /// Headers of one connection, which are not passed on (RFC 9110, section 7.6.1).
@@ -58,6 +66,13 @@ const OF_CONNECTION: [HeaderName; 6] = [
     header::EXPECT,
 ];
 
+/// Headers that are passed on even if `connection` names them.
+const OF_REQUEST: [HeaderName; 4] =
+    [header::HOST, header::AUTHORIZATION, header::COOKIE, header::CONTENT_LENGTH];
+
+/// The `host` of a request without one. A leader without access tokens refuses it.
+const NO_HOST: HeaderValue = HeaderValue::from_static("missing.invalid");
+
 /// Who answers requests.
 #[derive(Clone)]
 pub(crate) enum Role {
@@ -65,129 +80,181 @@ pub(crate) enum Role {
     Leads(TowerToHyperService<Router>),
     /// The server at this host and port.
     PassesOn(Authority),
-    /// Nobody, for this reason.
-    Waits(String),
+    /// Nobody that this server knows of.
+    Waits,
 }
 
 impl Role {
+    /// The role beside a leader at this host and port; none if it is neither.
+    pub(crate) fn passes_on(leader: &str) -> Option<Self> {
+        leader.parse().ok().map(Self::PassesOn)
+    }
+
     /// Whether both send a request to the same place.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::PassesOn(leader), Self::PassesOn(other)) => leader == other,
-            (Self::Waits(reason), Self::Waits(other)) => reason == other,
+            (Self::Waits, Self::Waits) => true,
             _ => false,
         }
     }
+
+    /// Whether requests are passed on to this server.
+    fn passes_on_to(&self, leader: &Authority) -> bool {
+        matches!(self, Self::PassesOn(other) if other == leader)
+    }
 }
 
-/// A router of all requests, which reads the present role.
-pub(crate) fn router(roles: watch::Receiver<Role>) -> Router {
+/// A router of all requests, which reads the present role. After `stop`, no request waits any more.
+pub(crate) fn router(roles: watch::Receiver<Role>, stop: CancellationToken) -> Router {
     let mut connector = HttpConnector::new();
     connector.set_connect_timeout(Some(CONNECT));
     connector.set_nodelay(true);
+    connector.set_keepalive(Some(KEEPALIVE));
+    connector.set_keepalive_interval(Some(KEEPALIVE));
+    connector.set_keepalive_retries(Some(2));
     let client = Client::builder(TokioExecutor::new())
         .pool_timer(TokioTimer::new())
         .pool_idle_timeout(IDLE)
         .build(connector);
-    Router::new().fallback(answer).with_state(Arc::new(Front { roles, client }))
+    Router::new().fallback(answer).with_state(Arc::new(Front { roles, stop, client }))
 }
 
 struct Front {
     roles: watch::Receiver<Role>,
+    stop: CancellationToken,
     client: Client<HttpConnector, Lent>,
 }
 
 async fn answer(State(front): State<Arc<Front>>, mut request: Request) -> Response {
     let mut roles = front.roles.clone();
-    let deadline = Instant::now() + PATIENCE;
+    let mut deadline = Instant::now() + PATIENCE;
     loop {
         let role = roles.borrow_and_update().clone();
-        let reason = match role {
-            Role::Leads(router) => {
-                return router.call(request).await.unwrap_or_else(|never| match never {});
-            }
-            _ if request.uri().path() == "/healthz" => return own(meta::healthz().await),
-            _ if request.uri().path() == "/metrics" => return own(metrics::of_standby()),
-            Role::PassesOn(leader) if request.headers().contains_key(PASSED_ON) => {
-                format!("the server that passed this request on does not know yet that {leader} leads")
-            }
-            Role::PassesOn(leader) => match front.pass_on(&leader, request).await {
+        if let Role::Leads(router) = role {
+            return router.call(request).await.unwrap_or_else(|never| match never {});
+        }
+        match request.uri().path() {
+            "/healthz" if request.method().is_safe() => return own(meta::healthz().await),
+            "/metrics" if request.method().is_safe() => return own(metrics::of_standby()),
+            _ => {}
+        }
+        if let Role::PassesOn(leader) = role
+            && !request.headers().contains_key(PASSED_ON)
+        {
+            let began = Instant::now();
+            match front.pass_on(&leader, request).await {
                 Ok(response) => return response,
-                Err(Failure { again: Some(unsent), reason }) => {
-                    request = unsent;
-                    reason
-                }
-                Err(Failure { again: None, reason }) => return unavailable(&reason),
-            },
-            Role::Waits(reason) => reason,
-        };
-        if Instant::now() >= deadline {
-            return unavailable(&reason);
+                Err(Some(unsent)) => request = unsent,
+                Err(None) => return unavailable(),
+            }
+            // The time with a leader that fell silent does not count.
+            if began.elapsed() > CONNECT * 2 {
+                deadline = Instant::now() + PATIENCE;
+            }
+        }
+        let has_changed = roles.has_changed().unwrap_or(false);
+        if front.stop.is_cancelled() || Instant::now() >= deadline && !has_changed {
+            return unavailable();
         }
         // An unreachable leader may be back before another one leads.
-        let _ = timeout_at(deadline.min(Instant::now() + RETRY), roles.changed()).await;
+        let change = timeout_at(deadline.min(Instant::now() + RETRY), roles.changed());
+        let _ = front.stop.run_until_cancelled(change).await;
     }
 }
 
-/// A request without an answer of the leader.
-struct Failure {
-    /// The request, if sending it again cannot do anything twice.
-    again: Option<Request>,
-    reason: String,
-}
-
 impl Front {
-    async fn pass_on(&self, leader: &Authority, request: Request) -> Result<Response, Failure> {
+    /// The answer of the leader. Otherwise the request, if sending it again cannot do anything twice.
+    async fn pass_on(&self, leader: &Authority, request: Request) -> Result<Response, Option<Request>> {
         let (parts, body) = request.into_parts();
         let lent = Lent::new(body);
         let mut sent = Request::from_parts(parts.clone(), lent.clone());
         let path = parts.uri.path_and_query().cloned().unwrap_or(PathAndQuery::from_static("/"));
         let target = Uri::builder().scheme(Scheme::HTTP).authority(leader.clone()).path_and_query(path);
         *sent.uri_mut() = target.build().expect("all parts are valid");
+        *sent.version_mut() = Version::HTTP_11;
         let peer = parts.extensions.get::<ConnectInfo<SocketAddr>>();
-        name_peer(sent.headers_mut(), peer.map(|ConnectInfo(peer)| *peer));
+        adapt(sent.headers_mut(), parts.uri.authority(), peer.map(|ConnectInfo(peer)| *peer));
         let is_unsent = tokio::select! {
             answered = self.client.request(sent) => match answered {
-                Ok(mut response) => {
-                    leave_out(response.headers_mut());
-                    return Ok(response.map(Body::new));
+                Ok(response) => return Ok(relay(response, &parts.method, self.end_of(leader))),
+                Err(error) => {
+                    tracing::debug!(%error, %leader, "a request could not be passed on");
+                    error.is_connect()
                 }
-                Err(error) => error.is_connect(),
             },
             () = self.end_of(leader) => false,
+            () = self.end_of_relays() => false,
         };
         let again = if is_unsent || parts.method.is_safe() { lent.unread() } else { None };
-        let again = again.map(|body| Request::from_parts(parts, body));
-        Err(Failure { again, reason: format!("the server at {leader}, which led, does not answer") })
+        Err(again.map(|body| Request::from_parts(parts, body)))
     }
 
     /// Returns some time after the end of a lead. A leader that stopped in good order has answered by then.
-    async fn end_of(&self, leader: &Authority) {
-        let mut roles = self.roles.clone();
-        let leads = |role: &Role| matches!(role, Role::PassesOn(other) if other == leader);
-        if roles.wait_for(|role| !leads(role)).await.is_err() {
-            // The server stops.
-            return std::future::pending().await;
+    fn end_of(&self, leader: &Authority) -> impl Future<Output = ()> + Send + 'static {
+        let (mut roles, leader) = (self.roles.clone(), leader.clone());
+        async move {
+            loop {
+                if roles.wait_for(|role| !role.passes_on_to(&leader)).await.is_err() {
+                    // This server stops.
+                    return std::future::pending().await;
+                }
+                sleep(LAST_ANSWERS).await;
+                // It may only have been out of sight.
+                if !roles.borrow().passes_on_to(&leader) {
+                    return;
+                }
+            }
         }
-        tokio::time::sleep(LAST_ANSWERS).await;
+    }
+
+    /// Returns some time after this server was told to stop.
+    async fn end_of_relays(&self) {
+        self.stop.cancelled().await;
+        sleep(LAST_RELAYS).await;
     }
 }
 
+/// The answer of a leader as one of this server.
+fn relay(
+    response: hyper::Response<hyper::body::Incoming>,
+    method: &Method,
+    end: impl Future<Output = ()> + Send + 'static,
+) -> Response {
+    let (mut parts, body) = response.into_parts();
+    leave_out(&mut parts.headers);
+    // An answer to HEAD has the length of another body in its headers, or none.
+    let body = match *method {
+        Method::HEAD => Body::from_stream(stream::empty::<Result<&'static str, axum::Error>>()),
+        _ => Body::new(Relayed::new(body, end)),
+    };
+    Response::from_parts(parts, body)
+}
+
 /// Adapts the headers of a request that is passed on.
-fn name_peer(headers: &mut HeaderMap, peer: Option<SocketAddr>) {
+fn adapt(headers: &mut HeaderMap, authority: Option<&Authority>, peer: Option<SocketAddr>) {
     leave_out(headers);
     headers.insert(PASSED_ON, HeaderValue::from_static("1"));
+    // A request in absolute form names its host there (RFC 9112, section 3.2.2).
+    let host = authority.and_then(|authority| HeaderValue::try_from(authority.as_str()).ok());
+    if let Some(host) = host {
+        headers.insert(header::HOST, host);
+    } else if !headers.contains_key(header::HOST) {
+        headers.insert(header::HOST, NO_HOST);
+    }
     if let Some(peer) = peer {
-        let peer = HeaderValue::try_from(peer.ip().to_string()).expect("digits, letters and colons");
-        headers.append(FORWARDED_FOR, peer);
+        let before = headers.get_all(FORWARDED_FOR).iter().filter_map(|value| value.to_str().ok());
+        let all: Vec<String> = before.map(str::to_owned).chain([peer.ip().to_string()]).collect();
+        let all = HeaderValue::try_from(all.join(", ")).expect("parts of a header, and an address");
+        headers.insert(FORWARDED_FOR, all);
     }
 }
 
 /// Removes the headers of the connection, and those that it names.
 fn leave_out(headers: &mut HeaderMap) {
     let named = headers.get_all(header::CONNECTION).iter().filter_map(|value| value.to_str().ok());
-    let named: Vec<HeaderName> =
-        named.flat_map(|names| names.split(',')).filter_map(|name| name.trim().parse().ok()).collect();
+    let named = named.flat_map(|names| names.split(',')).filter_map(|name| name.trim().parse().ok());
+    let named: Vec<HeaderName> = named.filter(|name| !OF_REQUEST.contains(name)).collect();
     for name in named.iter().chain(&OF_CONNECTION) {
         headers.remove(name);
     }
@@ -200,68 +267,24 @@ fn own(answer: impl IntoResponse) -> Response {
     response
 }
 
-fn unavailable(reason: &str) -> Response {
-    let detail = format!("no server of this database answers now: {reason}; try again later");
+/// The log of this server has the reason.
+fn unavailable() -> Response {
+    let detail = "no server of this database leads now, or the one that led did not answer: try again later";
     let mut response = own(ApiError::new(ProblemKind::Unavailable, detail));
     response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
     response
 }
 
-/// The body of a request that is passed on. It can be taken back as long as nobody has read from it.
-#[derive(Clone)]
-struct Lent(Arc<Mutex<LentBody>>);
-
-struct LentBody {
-    body: Body,
-    is_read: bool,
-}
-
-impl Lent {
-    fn new(body: Body) -> Self {
-        Self(Arc::new(Mutex::new(LentBody { body, is_read: false })))
-    }
-
-    fn lock(&self) -> MutexGuard<'_, LentBody> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// The whole body, if nobody has read from it.
-    fn unread(&self) -> Option<Body> {
-        let mut lent = self.lock();
-        (!lent.is_read).then(|| std::mem::take(&mut lent.body))
-    }
-}
-
-impl HttpBody for Lent {
-    type Data = Bytes;
-    type Error = axum::Error;
-
-    fn poll_frame(
-        self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-    ) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
-        let mut lent = self.lock();
-        lent.is_read = true;
-        Pin::new(&mut lent.body).poll_frame(context)
-    }
-
-    fn is_end_stream(&self) -> bool {
-        self.lock().body.is_end_stream()
-    }
-
-    fn size_hint(&self) -> SizeHint {
-        self.lock().body.size_hint()
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use axum::http::{Method, StatusCode};
+    use std::collections::BTreeSet;
+
+    use axum::http::StatusCode;
 
     use super::*;
 
     async fn ask(roles: &watch::Receiver<Role>, request: axum::http::request::Builder) -> Response {
-        let router = TowerToHyperService::new(router(roles.clone()));
+        let router = TowerToHyperService::new(router(roles.clone(), CancellationToken::new()));
         router.call(request.body(Body::from("document")).unwrap()).await.unwrap()
     }
 
@@ -269,7 +292,7 @@ mod tests {
     fn headers_of_the_connection_stay_and_the_peer_is_named_last() {
         let mut headers = HeaderMap::new();
         for (name, value) in [
-            ("connection", "close, x-of-this-connection"),
+            ("connection", "close, host, x-of-this-connection"),
             ("x-of-this-connection", "1"),
             ("transfer-encoding", "chunked"),
             ("authorization", "Bearer secret"),
@@ -277,21 +300,25 @@ mod tests {
         ] {
             headers.append(name.parse::<HeaderName>().unwrap(), value.parse().unwrap());
         }
-        name_peer(&mut headers, Some("[2001:db8::9]:4242".parse().unwrap()));
+        adapt(&mut headers, None, Some("[2001:db8::9]:4242".parse().unwrap()));
         let left: Vec<_> =
             headers.iter().map(|(name, value)| (name.as_str(), value.to_str().unwrap())).collect();
         let expected = [
             ("authorization", "Bearer secret"),
-            ("x-forwarded-for", "192.0.2.7"),
-            ("x-forwarded-for", "2001:db8::9"),
+            ("x-forwarded-for", "192.0.2.7, 2001:db8::9"),
             ("roost-passed-on", "1"),
+            ("host", "missing.invalid"),
         ];
-        assert_eq!(left, expected);
+        assert_eq!(left.iter().collect::<BTreeSet<_>>(), expected.iter().collect());
+        // A leader without tokens checks the host that the client has named.
+        headers.insert(header::HOST, HeaderValue::from_static("localhost"));
+        adapt(&mut headers, Some(&Authority::from_static("evil.example")), None);
+        assert_eq!(headers[header::HOST], "evil.example");
     }
 
     #[tokio::test]
     async fn a_request_without_a_leader_waits_and_is_refused() {
-        let (role, roles) = watch::channel(Role::Waits("nobody leads".to_owned()));
+        let (role, roles) = watch::channel(Role::Waits);
         let began = Instant::now();
         let refused = ask(&roles, Request::post("/v1/jobs")).await;
         assert_eq!(refused.status(), StatusCode::SERVICE_UNAVAILABLE);

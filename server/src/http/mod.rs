@@ -86,7 +86,7 @@ pub(crate) async fn serve(
     stop: CancellationToken,
 ) {
     let timeouts = Timeouts { head: config.head_timeout, body: config.body_timeout };
-    listener::serve(listener, front::router(roles), connections, timeouts, stop).await;
+    listener::serve(listener, front::router(roles, stop.clone()), connections, timeouts, stop).await;
 }
 
 /// The role of a server that leads.

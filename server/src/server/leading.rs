@@ -4,15 +4,15 @@ use std::fs::File;
 use std::sync::Arc;
 
 use tokio::sync::Semaphore;
+use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
 use super::{ServerError, Site, retry_in_use};
 use crate::clock::Clock;
-use crate::data;
-use crate::http;
 use crate::queue::lease_end;
 use crate::state::{Access, App, AppState, MeshCache, Metrics};
 use crate::store::{Location, OBJECTS, Store};
+use crate::{data, decider, http, reaper};
 
 /// A server that leads.
 pub(super) struct Leading {
@@ -76,5 +76,19 @@ impl Leading {
             curve_points: Default::default(),
         });
         Ok(Self { app, _lock: lock })
+    }
+
+    /// Starts the background tasks. They end when the state is told to shut down.
+    pub(super) fn begin(&self) -> JoinSet<()> {
+        let mut tasks = JoinSet::new();
+        tasks.spawn(reaper::run(self.app.clone()));
+        tasks.spawn(decider::run(self.app.clone()));
+        tasks
+    }
+
+    /// Waits for the background tasks and closes the database.
+    pub(super) async fn end(self, mut tasks: JoinSet<()>) {
+        while tasks.join_next().await.is_some() {}
+        self.app.store.close().await;
     }
 }

@@ -3,26 +3,37 @@
 use std::time::Duration;
 
 use tokio::sync::watch;
+use tokio::time::Instant;
 
 use super::leading::Leading;
 use super::{ServerError, Site};
 use crate::http::Role;
-use crate::store::{Election, Leader, Location, StoreError};
+use crate::store::{Election, Leader, Location};
 
 /// Interval of the questions who leads.
 const WATCH_EVERY: Duration = Duration::from_millis(500);
+
+/// Time for which the last answer holds while PostgreSQL does not answer. A leader may be silent for as long.
+const HOLDS: Duration = Duration::from_secs(15);
 
 /// Whether another server leads the database at the start of this one. A file has one server.
 pub(super) async fn led_by_another(site: &Site) -> Result<bool, ServerError> {
     let Location::Postgres(database) = &site.place else { return Ok(false) };
     let mut election = Election::new(database.clone());
-    let Leader::At(leader) = election.leader().await? else { return Ok(false) };
-    // The leader may listen on a loopback address and admit everybody there; others must not reach it through this server.
-    if !site.address.ip().is_loopback() && !election.has_tokens().await? {
-        return Err(ServerError::NotLoopback(site.address));
+    match election.leader().await? {
+        Leader::Nobody | Leader::Unnamed => Ok(false),
+        // An earlier process of this server, whose session still lives.
+        Leader::At(leader) if site.is_own(&leader) => Ok(false),
+        Leader::At(_) => may_pass_on(site, &mut election).await.map(|()| true),
     }
-    // After a crash, its own session may live for a moment.
-    Ok(leader != site.config.advertised(site.address))
+}
+
+/// Refuses to open a way to a leader without access tokens, which listens on a loopback address and admits everybody there.
+async fn may_pass_on(site: &Site, election: &mut Election) -> Result<(), ServerError> {
+    if site.address.ip().is_loopback() || election.has_tokens().await? {
+        return Ok(());
+    }
+    Err(ServerError::NotLoopback(site.address))
 }
 
 /// Passes requests on until nobody leads, and then leads.
@@ -31,50 +42,72 @@ pub(super) async fn wait_to_lead(site: &Site, role: &watch::Sender<Role>) -> Lea
         unreachable!("a server of a file leads from its start to its end")
     };
     let mut election = Election::new(database.clone());
+    let (mut answered, mut logged) = (Instant::now(), String::new());
     loop {
-        let next = match election.leader().await {
-            Ok(Leader::At(leader)) => passes_on(site, &leader),
-            Ok(Leader::Unnamed) => Role::Waits(format!(
-                "a program that names no address holds the lock of {database}: a command that writes, or an earlier version of the server"
-            )),
+        let (next, log) = match election.leader().await {
             Ok(Leader::Nobody) => match Leading::start(site).await {
                 Ok(leading) => return leading,
-                Err(ServerError::Store(error)) => Role::Waits(reason(&error)),
-                Err(error) => Role::Waits(error.to_string()),
+                Err(error) => (Some(Role::Waits), format!("no server leads, and this one cannot: {}", reason(&error))),
             },
-            Err(error) => Role::Waits(reason(&error)),
+            Ok(Leader::At(leader)) => {
+                answered = Instant::now();
+                follow(site, &leader, &mut election).await
+            }
+            Ok(Leader::Unnamed) => (
+                Some(Role::Waits),
+                "a session without the address of a server holds the lock: that of a command that writes, of another role, or of a server \
+                 that needs --advertise"
+                    .to_owned(),
+            ),
+            // The leader may well answer.
+            Err(error) => {
+                let next = (answered.elapsed() > HOLDS).then_some(Role::Waits);
+                (next, format!("asking who leads failed: {}", reason(&error.into())))
+            }
         };
-        let is_new = role.send_if_modified(|role| {
-            let is_new = !role.is_same(&next);
-            if is_new {
-                *role = next.clone();
-            }
-            is_new
-        });
-        if is_new {
-            match &next {
-                Role::PassesOn(leader) => tracing::info!(%leader, "standing by: requests are passed on"),
-                Role::Waits(reason) => tracing::warn!(reason, "standing by: no server answers"),
-                Role::Leads(_) => {}
-            }
+        if log != logged {
+            tracing::info!("standing by: {log}");
+            logged = log;
+        }
+        if let Some(next) = next {
+            role.send_if_modified(|role| {
+                let is_new = !role.is_same(&next);
+                if is_new {
+                    *role = next;
+                }
+                is_new
+            });
         }
         tokio::time::sleep(WATCH_EVERY).await;
     }
 }
 
-fn passes_on(site: &Site, leader: &str) -> Role {
-    match leader.parse() {
-        Ok(_) if leader == site.config.advertised(site.address) => {
-            Role::Waits("the last session of this server still holds the lock".to_owned())
-        }
-        Ok(leader) => Role::PassesOn(leader),
-        Err(_) => {
-            Role::Waits(format!("the leading server names the address '{leader}', which is no host and port"))
-        }
+/// The role beside a leader, and what the log says about it.
+async fn follow(site: &Site, leader: &str, election: &mut Election) -> (Option<Role>, String) {
+    if site.is_own(leader) {
+        let log = format!(
+            "the session of a server at {leader} leads, which is the address of this one: of its last process, or of another server with the \
+             same --advertise"
+        );
+        return (Some(Role::Waits), log);
+    }
+    if let Err(error) = may_pass_on(site, election).await {
+        return (Some(Role::Waits), reason(&error));
+    }
+    match Role::passes_on(leader) {
+        Some(role) => (Some(role), format!("requests are passed on to {leader}")),
+        None => (
+            Some(Role::Waits),
+            format!("the leading server names the address '{leader}', which is no host and port"),
+        ),
     }
 }
 
-/// What a client and an operator can do about a database that cannot be opened.
-fn reason(error: &StoreError) -> String {
-    error.unavailable().map_or_else(|| error.to_string(), |reason| reason.sentence().to_owned())
+/// What an operator can do about it.
+fn reason(error: &ServerError) -> String {
+    let sentence = match error {
+        ServerError::Store(error) => error.unavailable().map(|reason| reason.sentence().to_owned()),
+        _ => None,
+    };
+    sentence.unwrap_or_else(|| error.to_string())
 }

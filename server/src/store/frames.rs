@@ -141,7 +141,8 @@ impl Store {
             let unreferenced: Vec<String> =
                 query_scalar(UNREFERENCED).bind(to_json("objects", &some)?).fetch_all(&self.readers).await?;
             if !unreferenced.is_empty() {
-                // A reader sees a commit before its flush. After a power failure, a row could name an object that is gone.
+                // A reader sees a commit before its flush. After a power failure, a row could name an object that is gone. On PostgreSQL,
+                // this also fails if another server leads, which may have named the object.
                 self.writer.flushed().await?;
             }
             for object in unreferenced {

@@ -22,10 +22,10 @@ pub enum Location {
 
 impl Location {
     /// The same place, for the sessions of the server at this host and port.
-    pub(crate) fn for_server(self, server: &str) -> Self {
-        match self {
-            Self::Postgres(address) => Self::Postgres(address.for_server(server)),
-            file @ Self::File(_) => file,
+    pub(crate) fn for_server(self, server: Option<&str>) -> Self {
+        match (self, server) {
+            (Self::Postgres(address), Some(server)) => Self::Postgres(address.for_server(server)),
+            (place, _) => place,
         }
     }
 }

@@ -138,6 +138,8 @@ impl Store {
         let claims = claims::batcher(writer.clone());
         let results = deliveries::batcher(writer.clone());
         let versions = versions::Cache::default();
+        // With the lock of the server, and while its writer shows that it lives: a bucket may be slow.
+        objects.remove_unfinished().await?;
         Ok(Self { writer, checkpoints, beats, claims, results, versions, readers, objects, version })
     }
 

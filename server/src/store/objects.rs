@@ -67,7 +67,7 @@ pub(crate) enum StageError<E> {
 pub(crate) type Reading = BoxStream<'static, Result<Bytes, StoreError>>;
 
 impl Objects {
-    /// Opens the bucket, or else the folder. Removes uploads that the last server process did not finish.
+    /// Opens the bucket, or else the folder.
     pub(super) async fn open(folder: &Path, bucket: Option<&Bucket>) -> Result<Self, StoreError> {
         match bucket {
             Some(bucket) => Self::in_bucket(bucket).await,
@@ -77,10 +77,6 @@ impl Objects {
 
     fn in_folder(folder: &Path) -> Result<Self, StoreError> {
         fs::create_dir_all(folder)?;
-        match fs::remove_dir_all(folder.join(UPLOADS)) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error.into()),
-            _ => {}
-        }
         let files = Arc::new(LocalFileSystem::new_with_prefix(folder)?.with_fsync(true));
         Ok(Self { files, part_bytes: PART_BYTES, removals: RwLock::default() })
     }
@@ -90,15 +86,17 @@ impl Objects {
         let files = bucket.open()?;
         let trial = ObjectPath::from(format!("{UPLOADS}/{}", Uuid::now_v7()));
         files.put(&trial, Bytes::new().into()).await.map_err(|source| bucket.unusable(source))?;
-        let broken: Vec<_> = files
-            .list(Some(&ObjectPath::from(UPLOADS)))
-            .try_collect()
-            .await
-            .map_err(|source| bucket.unusable(source))?;
-        for upload in broken {
-            files.delete(&upload.location).await.map_err(|source| bucket.unusable(source))?;
-        }
+        files.delete(&trial).await.map_err(|source| bucket.unusable(source))?;
         Ok(Self { files, part_bytes: BUCKET_PART_BYTES, removals: RwLock::default() })
+    }
+
+    /// Removes uploads that an earlier server did not finish. Only the server that leads may do so.
+    pub(super) async fn remove_unfinished(&self) -> Result<(), StoreError> {
+        let unfinished: Vec<_> = self.files.list(Some(&ObjectPath::from(UPLOADS))).try_collect().await?;
+        for upload in unfinished {
+            self.files.delete(&upload.location).await?;
+        }
+        Ok(())
     }
 
     /// Stores bytes as they arrive, up to a limit.

@@ -9,8 +9,8 @@
 //! before its first change, and each job changes a page.
 //!
 //! A connection to PostgreSQL can break, or stop answering. All writes of its group are then refused, and the next write opens another
-//! connection. If another server leads then, the writer ends. An idle writer makes an empty write every [`BEAT`]: it shows the other
-//! servers that this one lives, and finds a broken connection before anybody reads what is out of date.
+//! connection. If another server leads then, the writer ends. An idle writer begins a transaction every [`BEAT`]: this shows the
+//! other servers that it lives, and finds a broken connection.
 
 use std::future::Future;
 use std::io;
@@ -259,14 +259,6 @@ impl Next {
     }
 }
 
-/// A write that changes nothing.
-fn empty() -> Box<dyn Write> {
-    fn nothing(_: &mut Connection) -> Work<'_, ()> {
-        Box::pin(async { Ok(()) })
-    }
-    Box::new(Request { is_large: false, work: nothing, sender: oneshot::channel().0 })
-}
-
 async fn run(
     (connection, mut line): (Connection, Line),
     mut waiting: mpsc::Receiver<Message>,
@@ -276,13 +268,18 @@ async fn run(
     let mut next = Next::default();
     let mut open = Some(connection);
     loop {
+        // None for a beat: nobody has written for a while.
         let first = match line.can_break() {
-            true => timeout(BEAT, next.first(&mut waiting)).await.unwrap_or_else(|_| Some(empty())),
-            false => next.first(&mut waiting).await,
+            true => timeout(BEAT, next.first(&mut waiting)).await.ok(),
+            false => Some(next.first(&mut waiting).await),
         };
-        let Some(first) = first else { break };
+        if matches!(first, Some(None)) {
+            break;
+        }
+        let first = first.flatten();
         let began = Instant::now();
-        let begun = begin(&mut open, &mut line, first.is_large(), shared).await;
+        let is_large = first.as_ref().is_none_or(|first| first.is_large());
+        let begun = begin(&mut open, &mut line, is_large, shared).await;
         let connection = match (begun, &mut open) {
             (Ok(()), Some(connection)) => connection,
             (begun, _) => {
@@ -290,15 +287,27 @@ async fn run(
                 if line.can_break() {
                     shared.outages.note();
                 }
-                tracing::error!(error = error.as_dyn(), "a transaction could not begin");
                 let is_deposed = matches!(error, StoreError::OtherServer(_));
-                first.refuse(error);
+                match first {
+                    Some(first) => {
+                        tracing::error!(error = error.as_dyn(), "a transaction could not begin");
+                        first.refuse(error);
+                    }
+                    None => tracing::debug!(error = error.as_dyn(), "the idle connection is broken"),
+                }
                 if is_deposed {
                     shared.is_deposed.store(true, Ordering::Release);
                     break;
                 }
                 continue;
             }
+        };
+        let Some(first) = first else {
+            if !roll_back(connection).await {
+                shared.commits.begin();
+                open = None;
+            }
+            continue;
         };
         let mut finished = Vec::new();
         let committed = if first.is_large() {

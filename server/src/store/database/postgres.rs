@@ -26,8 +26,12 @@ const PATIENCE: Duration = Duration::from_secs(10);
 const WRITER_LIMITS: [(&str, &str); 2] = [("statement_timeout", "60s"), ("lock_timeout", "10s")];
 
 /// PostgreSQL ends the session of a server that it cannot reach, after a minute.
-const KEEPALIVES: [(&str, &str); 3] =
-    [("tcp_keepalives_idle", "30"), ("tcp_keepalives_interval", "10"), ("tcp_keepalives_count", "3")];
+const KEEPALIVES: [(&str, &str); 4] = [
+    ("tcp_keepalives_idle", "30"),
+    ("tcp_keepalives_interval", "10"),
+    ("tcp_keepalives_count", "3"),
+    ("tcp_user_timeout", "60000"),
+];
 
 /// Maximum time to begin or roll back a transaction: more than the wait for its lock.
 pub(in crate::store) const BEGIN_DEADLINE: Duration = Duration::from_secs(12);
@@ -46,13 +50,16 @@ const LOCK_ATTEMPTS: u32 = 30;
 pub(super) const LOCK_SERVER: &str = "SELECT pg_try_advisory_lock(8246779703540740722)";
 
 /// Ends the session of an earlier connection of this server, if it still holds the lock, and counts it.
-const END_EARLIER: &str = "SELECT count(pg_terminate_backend(pid)) FROM pg_locks
+const END_EARLIER: &str = "SELECT count(pg_terminate_backend(pid)) FROM pg_locks JOIN pg_stat_activity USING (pid)
     WHERE locktype = 'advisory' AND pid = ANY($1) AND classid::bigint << 32 | objid::bigint = 8246779703540740722
-      AND database = (SELECT oid FROM pg_database WHERE datname = current_database())";
+      AND database = (SELECT oid FROM pg_database WHERE datname = current_database())
+      AND application_name = current_setting('application_name')";
 
-/// The session that holds the lock of the server, its name, and whether it has been idle for longer than this number of seconds.
+/// The session that holds the lock of the server, its name, and whether it has been idle for longer than this number of seconds. The name is
+/// null for a session of another role, to which no server may send its requests.
 pub(in crate::store) const HOLDER: &str =
-    "SELECT pid, application_name, state LIKE 'idle%' AND now() - state_change > make_interval(secs => $1)
+    "SELECT pid, CASE WHEN usename = current_user THEN application_name END,
+        state LIKE 'idle%' AND now() - state_change > make_interval(secs => $1)
     FROM pg_locks JOIN pg_stat_activity USING (pid)
     WHERE locktype = 'advisory' AND granted AND classid::bigint << 32 | objid::bigint = 8246779703540740722
       AND database = (SELECT oid FROM pg_database WHERE datname = current_database())";
@@ -83,9 +90,9 @@ impl FromStr for Address {
             return Err(LocationError::NotPostgres);
         }
         let options: PgConnectOptions = text.parse().map_err(|_| LocationError::NotPostgres)?;
-        // The environment may name another one.
-        let name = options.get_application_name().unwrap_or("roost").to_owned();
-        Ok(Self(Box::new(options.application_name(&name))))
+        // The environment may name another one. PostgreSQL replaces what is not ASCII.
+        let name = options.get_application_name().unwrap_or("roost").replace(|c: char| !c.is_ascii(), "?");
+        Ok(Self(Box::new(options.application_name(&name.replace(AT, "-")))))
     }
 }
 
@@ -116,7 +123,7 @@ impl Address {
     pub(crate) fn for_server(&self, server: &str) -> Self {
         let name = self.0.get_application_name().unwrap_or_default();
         let room = MAX_NAME_BYTES.saturating_sub(AT.len() + server.len());
-        let name = &name[..name.floor_char_boundary(room)];
+        let name = &name[..room.min(name.len())];
         Self(Box::new((*self.0).clone().application_name(&format!("{name}{AT}{server}"))))
     }
 
@@ -226,8 +233,9 @@ mod tests {
         let name_of = |address: &Address| address.0.get_application_name().unwrap().to_owned();
         assert_eq!(address_in_name(&name_of(&plain)), None);
         assert_eq!(name_of(&plain.for_server("10.0.0.5:7373")), "roost at 10.0.0.5:7373");
-        let long: Address =
-            format!("postgres://me@db.example/roost?application_name={}", "é".repeat(30)).parse().unwrap();
+        let long: Address = format!("postgres://me@db.example/roost?application_name={}", "é at ".repeat(30))
+            .parse()
+            .unwrap();
         for server in ["10.0.0.5:7373", "[2001:db8::5]:7373", &format!("{}:7373", "a".repeat(54))] {
             let name = name_of(&long.for_server(server));
             assert!(name.len() <= MAX_NAME_BYTES, "{name}");

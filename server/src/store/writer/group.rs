@@ -96,10 +96,17 @@ pub(super) async fn begin(
         let begun = execute(&mut open, sql, postgres::BEGIN_DEADLINE).await.map_err(Failure::from);
         let is_late = begun.as_ref().is_err_and(|failure| failure.is_late);
         if begun.is_ok() || !is_late && roll_back(&mut open).await {
+            if open.engine() == Engine::Postgres {
+                shared.commits.note_alone();
+            }
             *connection = Some(open);
-        } else if !is_new && !is_late {
-            // It broke while nobody wrote.
-            continue;
+        } else {
+            // Until the next connection, another server may write.
+            shared.commits.begin();
+            if !is_new && !is_late {
+                // It broke while nobody wrote.
+                continue;
+            }
         }
         return begun.map_err(|failure| StoreError::Commit(failure.error));
     }
