@@ -244,7 +244,7 @@ async fn a_postgresql_that_stops_answering_is_left_and_its_late_commit_comes_bef
         assert_eq!(error.unavailable(), Some(Unavailable::Away), "{error:?}");
         assert!(started.elapsed() < Duration::from_secs(30), "{:?}", started.elapsed());
         let is_settled = || store.writer.commits().settled().is_some();
-        assert_eq!(is_settled(), !at_commit, "a late commit may come: nothing may be cached");
+        assert!(!is_settled(), "a late commit may come, or another server may write: nothing may be cached");
         // The stopped session may still commit: no other may write before it ends.
         let error = count(&store).await.expect_err("the earlier session holds the lock");
         assert!(error.unavailable().is_some(), "{error:?}");
