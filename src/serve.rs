@@ -78,7 +78,7 @@ pub(crate) struct ServerArgs {
     #[arg(long, default_value_t = 0, value_name = "N")]
     max_requests_per_s: u32,
     /// Maximum number of connections. Above this number, the server closes the connections that have been idle for the longest time. Each
-    /// worker uses up to three connections. The limit is lower if the system allows fewer open files
+    /// worker uses up to three connections, and more while it sends or fetches files. The limit is lower if the system allows fewer open files
     #[arg(long, default_value_t = ServerConfig::default().max_connections, value_name = "N", value_parser = connections)]
     max_connections: usize,
     /// Delete sweeps and single jobs this long after their end, such as 30d; without this option, the server never deletes them
