@@ -50,13 +50,15 @@ pub(crate) fn lock(data: &Path) -> Result<File, DataError> {
 pub(crate) fn lock_for(database: &str, data: &Path) -> Result<File, DataError> {
     let fail = |source| DataError::Io { path: data.to_owned(), source };
     let mut lock = open_lock(data)?;
-    if lock.try_lock().is_ok() {
+    let mut named = String::new();
+    lock.read_to_string(&mut named).map_err(fail)?;
+    if named != database && lock.try_lock().is_ok() {
         // Nobody else uses it now.
-        lock.set_len(0).and_then(|()| lock.write_all(database.as_bytes())).map_err(fail)?;
-        lock.unlock().map_err(fail)?;
+        lock.rewind().and_then(|()| lock.set_len(0)).map_err(fail)?;
+        lock.write_all(database.as_bytes()).and_then(|()| lock.unlock()).map_err(fail)?;
     }
     taken(data, lock.try_lock_shared())?;
-    let mut named = String::new();
+    named.clear();
     lock.rewind().and_then(|()| lock.read_to_string(&mut named)).map_err(fail)?;
     if named == database { Ok(lock) } else { Err(DataError::InUse(data.to_owned())) }
 }

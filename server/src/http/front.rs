@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
-use axum::body::Body;
+use axum::body::{Body, Bytes};
 use axum::extract::{ConnectInfo, Request, State};
 use axum::http::uri::{Authority, PathAndQuery, Scheme};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Uri, Version, header};
@@ -113,6 +113,8 @@ pub(crate) fn router(roles: watch::Receiver<Role>, stop: CancellationToken) -> R
     connector.set_keepalive(Some(KEEPALIVE));
     connector.set_keepalive_interval(Some(KEEPALIVE));
     connector.set_keepalive_retries(Some(2));
+    #[cfg(target_os = "linux")]
+    connector.set_tcp_user_timeout(Some(KEEPALIVE * 2));
     let client = Client::builder(TokioExecutor::new())
         .pool_timer(TokioTimer::new())
         .pool_idle_timeout(IDLE)
@@ -128,11 +130,13 @@ struct Front {
 
 async fn answer(State(front): State<Arc<Front>>, mut request: Request) -> Response {
     let mut roles = front.roles.clone();
-    let mut deadline = Instant::now() + PATIENCE;
+    let (mut deadline, mut was_silent) = (Instant::now() + PATIENCE, false);
     loop {
         let role = roles.borrow_and_update().clone();
         if let Role::Leads(router) = role {
-            return router.call(request).await.unwrap_or_else(|never| match never {});
+            let method = request.method().clone();
+            let response = router.call(request).await.unwrap_or_else(|never| match never {});
+            return with_unknown_length(response, &method);
         }
         match request.uri().path() {
             "/healthz" if request.method().is_safe() => return own(meta::healthz().await),
@@ -148,8 +152,12 @@ async fn answer(State(front): State<Arc<Front>>, mut request: Request) -> Respon
                 Err(Some(unsent)) => request = unsent,
                 Err(None) => return unavailable(),
             }
-            // The time with a leader that fell silent does not count.
+            // The time with a leader that fell silent does not count. No request is the end of two leaders.
             if began.elapsed() > CONNECT * 2 {
+                if was_silent {
+                    return unavailable();
+                }
+                was_silent = true;
                 deadline = Instant::now() + PATIENCE;
             }
         }
@@ -177,7 +185,11 @@ impl Front {
         adapt(sent.headers_mut(), parts.uri.authority(), peer.map(|ConnectInfo(peer)| *peer));
         let is_unsent = tokio::select! {
             answered = self.client.request(sent) => match answered {
-                Ok(response) => return Ok(relay(response, &parts.method, self.end_of(leader))),
+                Ok(response) => {
+                    let (lead, stop) = (self.end_of(leader), self.end_of_relays());
+                    let end = async move { tokio::select! { () = lead => {} () = stop => {} } };
+                    return Ok(relay(response, &parts.method, end));
+                }
                 Err(error) => {
                     tracing::debug!(%error, %leader, "a request could not be passed on");
                     error.is_connect()
@@ -209,9 +221,12 @@ impl Front {
     }
 
     /// Returns some time after this server was told to stop.
-    async fn end_of_relays(&self) {
-        self.stop.cancelled().await;
-        sleep(LAST_RELAYS).await;
+    fn end_of_relays(&self) -> impl Future<Output = ()> + Send + 'static {
+        let stop = self.stop.clone();
+        async move {
+            stop.cancelled().await;
+            sleep(LAST_RELAYS).await;
+        }
     }
 }
 
@@ -223,12 +238,15 @@ fn relay(
 ) -> Response {
     let (mut parts, body) = response.into_parts();
     leave_out(&mut parts.headers);
-    // An answer to HEAD has the length of another body in its headers, or none.
-    let body = match *method {
-        Method::HEAD => Body::from_stream(stream::empty::<Result<&'static str, axum::Error>>()),
-        _ => Body::new(Relayed::new(body, end)),
-    };
-    Response::from_parts(parts, body)
+    with_unknown_length(Response::from_parts(parts, Body::new(Relayed::new(body, end))), method)
+}
+
+/// An answer to HEAD has the length of another body in its headers, or none: axum would state that of the empty body.
+fn with_unknown_length(response: Response, method: &Method) -> Response {
+    match *method {
+        Method::HEAD => response.map(|_| Body::from_stream(stream::empty::<Result<Bytes, axum::Error>>())),
+        _ => response,
+    }
 }
 
 /// Adapts the headers of a request that is passed on.

@@ -8,13 +8,16 @@ use tokio::time::Instant;
 use super::leading::Leading;
 use super::{ServerError, Site};
 use crate::http::Role;
-use crate::store::{Election, Leader, Location};
+use crate::store::{Election, Leader, Location, StoreError};
 
 /// Interval of the questions who leads.
 const WATCH_EVERY: Duration = Duration::from_millis(500);
 
 /// Time for which the last answer holds while PostgreSQL does not answer. A leader may be silent for as long.
 const HOLDS: Duration = Duration::from_secs(15);
+
+/// Pause after a failed attempt to lead, which holds the lock for a moment.
+const PAUSE: Duration = Duration::from_secs(5);
 
 /// Whether another server leads the database at the start of this one. A file has one server.
 pub(super) async fn led_by_another(site: &Site) -> Result<bool, ServerError> {
@@ -44,63 +47,93 @@ pub(super) async fn wait_to_lead(site: &Site, role: &watch::Sender<Role>) -> Lea
     let mut election = Election::new(database.clone());
     let (mut answered, mut logged) = (Instant::now(), String::new());
     loop {
-        let (next, log) = match election.leader().await {
-            Ok(Leader::Nobody) => match Leading::start(site).await {
-                Ok(leading) => return leading,
-                Err(error) => (Some(Role::Waits), format!("no server leads, and this one cannot: {}", reason(&error))),
-            },
-            Ok(Leader::At(leader)) => {
+        let mut pause = WATCH_EVERY;
+        let log = match observe(site, &mut election, role).await {
+            Ok(None) => {
                 answered = Instant::now();
-                follow(site, &leader, &mut election).await
+                // Requests wait, instead of going to the last leader.
+                set(role, Role::Waits);
+                match Leading::start(site).await {
+                    Ok(leading) => return leading,
+                    Err(ServerError::Store(StoreError::OtherServer(_))) => continue,
+                    Err(error) => {
+                        election.forget_connection();
+                        pause = PAUSE;
+                        format!("no server leads, and this one cannot: {}", reason(&error))
+                    }
+                }
             }
-            Ok(Leader::Unnamed) => (
-                Some(Role::Waits),
-                "a session without the address of a server holds the lock: that of a command that writes, of another role, or of a server \
-                 that needs --advertise"
-                    .to_owned(),
-            ),
-            // The leader may well answer.
+            Ok(Some(log)) => {
+                answered = Instant::now();
+                log
+            }
             Err(error) => {
-                let next = (answered.elapsed() > HOLDS).then_some(Role::Waits);
-                (next, format!("asking who leads failed: {}", reason(&error.into())))
+                // The leader may well answer.
+                if answered.elapsed() > HOLDS {
+                    set(role, Role::Waits);
+                }
+                format!("asking who leads failed: {}", reason(&error))
             }
         };
         if log != logged {
             tracing::info!("standing by: {log}");
             logged = log;
         }
-        if let Some(next) = next {
-            role.send_if_modified(|role| {
-                let is_new = !role.is_same(&next);
-                if is_new {
-                    *role = next;
-                }
-                is_new
-            });
-        }
-        tokio::time::sleep(WATCH_EVERY).await;
+        tokio::time::sleep(pause).await;
     }
 }
 
-/// The role beside a leader, and what the log says about it.
-async fn follow(site: &Site, leader: &str, election: &mut Election) -> (Option<Role>, String) {
-    if site.is_own(leader) {
-        let log = format!(
+/// Sets the role beside the present leader. Returns what the log says about it; none if nobody leads.
+async fn observe(
+    site: &Site,
+    election: &mut Election,
+    role: &watch::Sender<Role>,
+) -> Result<Option<String>, ServerError> {
+    let leader = match election.leader().await? {
+        Leader::Nobody => return Ok(None),
+        Leader::Unnamed => {
+            set(role, Role::Waits);
+            return Ok(Some(
+                "a session without the address of a server holds the lock: that of a command that writes, of another role, or of a server \
+                 that needs --advertise"
+                    .to_owned(),
+            ));
+        }
+        Leader::At(leader) => leader,
+    };
+    if site.is_own(&leader) {
+        set(role, Role::Waits);
+        return Ok(Some(format!(
             "the session of a server at {leader} leads, which is the address of this one: of its last process, or of another server with the \
              same --advertise"
-        );
-        return (Some(Role::Waits), log);
+        )));
     }
-    if let Err(error) = may_pass_on(site, election).await {
-        return (Some(Role::Waits), reason(&error));
+    match may_pass_on(site, election).await {
+        Ok(()) => {}
+        Err(error @ ServerError::NotLoopback(_)) => {
+            set(role, Role::Waits);
+            return Ok(Some(error.to_string()));
+        }
+        Err(error) => return Err(error),
     }
-    match Role::passes_on(leader) {
-        Some(role) => (Some(role), format!("requests are passed on to {leader}")),
-        None => (
-            Some(Role::Waits),
-            format!("the leading server names the address '{leader}', which is no host and port"),
-        ),
-    }
+    let next = Role::passes_on(&leader);
+    let log = match &next {
+        Some(_) => format!("requests are passed on to {leader}"),
+        None => format!("the leading server names the address '{leader}', which is no host and port"),
+    };
+    set(role, next.unwrap_or(Role::Waits));
+    Ok(Some(log))
+}
+
+/// Sets the role. Those who wait for a change see none if it is the same.
+fn set(role: &watch::Sender<Role>, next: Role) {
+    role.send_if_modified(|role| {
+        let is_new = !role.is_same(&next);
+        if is_new {
+            *role = next;
+        }
+        is_new
+    });
 }
 
 /// What an operator can do about it.

@@ -41,28 +41,45 @@ impl Election {
 
     /// Who leads now. Ends the session of a leader that has been silent for too long, so that another server can lead.
     pub(crate) async fn leader(&mut self) -> Result<Leader, StoreError> {
-        let mut connection = match self.connection.take() {
-            Some(connection) => connection,
-            None => self.address.connect().await?.0,
-        };
+        let mut connection = self.connection().await?;
         // A connection that fails is not used again.
-        let asked = timeout(PATIENCE, ask(&mut connection)).await;
-        let leader = asked.map_err(|_| postgres::late()).flatten()?;
+        let leader = within(ask(&mut connection)).await?;
         self.connection = Some(connection);
         Ok(leader)
     }
 
     /// Whether an access token is valid. A database that no server has opened yet has none.
     pub(crate) async fn has_tokens(&mut self) -> Result<bool, StoreError> {
-        let mut connection = self.address.connect().await?.0;
-        let exists: bool =
-            sqlx::query_scalar("SELECT to_regclass('tokens') IS NOT NULL").fetch_one(&mut connection).await?;
-        if !exists {
-            return Ok(false);
-        }
-        let valid = "SELECT EXISTS (SELECT 1 FROM tokens WHERE revoked_at IS NULL)";
-        Ok(sqlx::query_scalar(valid).fetch_one(&mut connection).await?)
+        let mut connection = self.connection().await?;
+        let found = within(has_tokens(&mut connection)).await?;
+        self.connection = Some(connection);
+        Ok(found)
     }
+
+    /// Uses another connection from now on: the last one may lead to a server of PostgreSQL that is no longer the primary.
+    pub(crate) fn forget_connection(&mut self) {
+        self.connection = None;
+    }
+
+    async fn connection(&mut self) -> Result<PgConnection, StoreError> {
+        match self.connection.take() {
+            Some(connection) => Ok(connection),
+            None => Ok(self.address.connect().await?.0),
+        }
+    }
+}
+
+async fn within<T>(question: impl Future<Output = Result<T, sqlx::Error>>) -> Result<T, StoreError> {
+    Ok(timeout(PATIENCE, question).await.map_err(|_| postgres::late()).flatten()?)
+}
+
+async fn has_tokens(connection: &mut PgConnection) -> Result<bool, sqlx::Error> {
+    let exists = "SELECT to_regclass('tokens') IS NOT NULL";
+    if !sqlx::query_scalar::<_, bool>(exists).fetch_one(&mut *connection).await? {
+        return Ok(false);
+    }
+    let valid = "SELECT EXISTS (SELECT 1 FROM tokens WHERE revoked_at IS NULL)";
+    sqlx::query_scalar(valid).fetch_one(connection).await
 }
 
 async fn ask(connection: &mut PgConnection) -> Result<Leader, sqlx::Error> {

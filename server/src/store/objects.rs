@@ -94,7 +94,11 @@ impl Objects {
     pub(super) async fn remove_unfinished(&self) -> Result<(), StoreError> {
         let unfinished: Vec<_> = self.files.list(Some(&ObjectPath::from(UPLOADS))).try_collect().await?;
         for upload in unfinished {
-            self.files.delete(&upload.location).await?;
+            match self.files.delete(&upload.location).await {
+                // The last leader may still discard its own.
+                Ok(()) | Err(object_store::Error::NotFound { .. }) => {}
+                Err(error) => return Err(error.into()),
+            }
         }
         Ok(())
     }

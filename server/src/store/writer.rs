@@ -307,6 +307,9 @@ async fn run(
                 shared.commits.begin();
                 open = None;
             }
+            if began.elapsed() > STALL {
+                shared.outages.note();
+            }
             continue;
         };
         let mut finished = Vec::new();
@@ -321,7 +324,9 @@ async fn run(
         };
         // Before the answers: a client that reads after its answer must not get an older version. A commit on a lost connection may
         // still come, until the next connection is open.
-        if !is_lost {
+        if is_lost {
+            shared.commits.begin();
+        } else {
             shared.commits.end();
         }
         if line.can_break() && (committed.is_err() || began.elapsed() > STALL) {

@@ -53,6 +53,18 @@ async fn pages_of_a_table_make_the_whole_table() {
 }
 
 #[tokio::test]
+async fn head_of_a_streamed_table_states_no_length() {
+    let (server, _dir) = TestServer::start().await;
+    let (_, path) = run_sweep(&server).await;
+    let url = format!("http://{}{path}/results?format=csv", server.address);
+    let length = |answer: &reqwest::Response| answer.headers().get("content-length").cloned();
+    let whole = server.http.get(&url).send().await.unwrap();
+    let head = server.http.head(&url).send().await.unwrap();
+    assert_eq!((head.status(), length(&head)), (StatusCode::OK, length(&whole)));
+    server.stop().await;
+}
+
+#[tokio::test]
 async fn table_has_only_selected_responses() {
     let (server, _dir) = TestServer::start().await;
     let (_, path) = run_sweep(&server).await;

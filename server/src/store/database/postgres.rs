@@ -58,7 +58,7 @@ const END_EARLIER: &str = "SELECT count(pg_terminate_backend(pid)) FROM pg_locks
 /// The session that holds the lock of the server, its name, and whether it has been idle for longer than this number of seconds. The name is
 /// null for a session of another role, to which no server may send its requests.
 pub(in crate::store) const HOLDER: &str =
-    "SELECT pid, CASE WHEN usename = current_user THEN application_name END,
+    "SELECT pid, CASE WHEN usename = session_user THEN application_name END,
         state LIKE 'idle%' AND now() - state_change > make_interval(secs => $1)
     FROM pg_locks JOIN pg_stat_activity USING (pid)
     WHERE locktype = 'advisory' AND granted AND classid::bigint << 32 | objid::bigint = 8246779703540740722

@@ -17,9 +17,9 @@ pub(in crate::store) struct Commits {
 }
 
 impl Commits {
-    /// Notes that a transaction on PostgreSQL has begun: no other server has written until now.
-    pub(super) fn note_alone(&self) {
-        *self.last.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
+    /// Notes that a transaction on PostgreSQL has begun, which was asked for then: no other server had written before.
+    pub(super) fn note_alone(&self, asked: Instant) {
+        *self.last.lock().unwrap_or_else(PoisonError::into_inner) = Some(asked);
     }
 
     fn is_alone(&self) -> bool {

@@ -93,11 +93,12 @@ pub(super) async fn begin(
         };
         let phrases = Phrases::of(&open);
         let sql = if is_large { phrases.begin } else { phrases.begin_group };
+        let asked = Instant::now();
         let begun = execute(&mut open, sql, postgres::BEGIN_DEADLINE).await.map_err(Failure::from);
         let is_late = begun.as_ref().is_err_and(|failure| failure.is_late);
         if begun.is_ok() || !is_late && roll_back(&mut open).await {
             if open.engine() == Engine::Postgres {
-                shared.commits.note_alone();
+                shared.commits.note_alone(asked);
             }
             *connection = Some(open);
         } else {
