@@ -1,4 +1,4 @@
-//! The suites of closed forms once more, on the fast path (see `common::path`).
+//! The suites of closed forms once more, on the fast path (see `common::backend`).
 #![allow(clippy::duplicate_mod, reason = "each suite brings what they have in common along")]
 
 #[path = "bonds.rs"]

@@ -2,7 +2,7 @@
 //!
 //! The gate plane is x = 0, the hopper lies at x < 0, the belt runs along +x at z = 0. Fillets are dropped in
 //! random orientation; when they have come to rest the belt starts, and that is t = 0. Expected at 6 cm: linear
-//! discharge, 33.2 kg in 4 s within 7 %. The hopper's dimensions are derived (ARCHITECTURE.md), and so the
+//! discharge, 33.2 kg in 4 s within 7 %. The hopper's dimensions are derived (docs/validation.md), and so the
 //! mass after 4 s is a consistency check and no validation.
 
 mod checks;
