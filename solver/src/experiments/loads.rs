@@ -114,3 +114,34 @@ impl LoadSeries {
         max
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn power_of_a_surface_is_force_times_speed_of_its_material_at_each_contact() {
+        let (velocity, t) = (DVec3::new(0.3, -0.1, 0.2), 1.7);
+        let (pivot, spin) = (DVec3::new(0.5, 0.2, -0.4), DVec3::new(1.0, -2.0, 3.0));
+        let contacts = [
+            (DVec3::new(0.1, 0.9, 0.3), DVec3::new(3.0, -2.0, 1.0)),
+            (DVec3::new(-0.7, 0.4, 0.6), DVec3::new(-1.0, 4.0, 2.0)),
+        ];
+        let (mut load, mut turning_w) = (SurfaceLoad::default(), 0.0);
+        for (place, force) in contacts {
+            load.force += force;
+            load.torque += place.cross(force);
+            turning_w -= force.dot(velocity + spin.cross(place - pivot - velocity * t));
+        }
+        let straight_w = -load.force.dot(velocity);
+        for (motion, expected) in [
+            (Motion::Fixed, 0.0),
+            (Motion::Belt { velocity }, straight_w),
+            (Motion::Moving { velocity, pivot, spin: DVec3::ZERO }, straight_w),
+            (Motion::Moving { velocity, pivot, spin }, turning_w),
+        ] {
+            let found = power_w(&motion, &load, t);
+            assert!((found - expected).abs() < 1e-12, "{motion:?}: {found} W, not {expected} W");
+        }
+    }
+}
