@@ -4,6 +4,7 @@ mod common;
 
 use common::{assert_close, checked, document};
 use glam::DVec3;
+use roost_solver::engine::SurfaceLoad;
 use roost_solver::engine::run::{Decision, ExperimentMonitor, Sample};
 use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
@@ -17,6 +18,7 @@ struct Stage {
     scene: Scene,
     state: State,
     monitor: Box<dyn ExperimentMonitor>,
+    loads: Vec<SurfaceLoad>,
     simulated_s: f64,
     start_s: f64,
 }
@@ -31,7 +33,8 @@ impl Stage {
         let mut state = State::new(&scene);
         state.particles.iter_mut().for_each(|p| p.position.x = state.frame.encode(DVec3::X * -0.1).x);
         // By now the highest of them would have fallen.
-        Self { scene, state, monitor, simulated_s: 1.0, start_s: 0.0 }
+        let loads = vec![SurfaceLoad::default(); scene.surfaces.len()];
+        Self { scene, state, monitor, loads, simulated_s: 1.0, start_s: 0.0 }
     }
 
     /// Started: 0.1 s at rest.
@@ -66,7 +69,7 @@ impl Stage {
             state,
             max_overlap_m: 4e-4,
             passed_through: 0,
-            surface_loads: &[],
+            surface_loads: &self.loads,
         })
     }
 
@@ -233,6 +236,33 @@ fn stoppage_with_little_mass_inside_is_no_jam() {
         while stage.process() != Decision::End(EndReason::Jammed) {}
         let responses = stage.monitor.responses(EndReason::Jammed);
         assert_eq!(responses["jammed"], json!(jammed), "{inside} of it inside");
+    }
+}
+
+#[test]
+fn mean_loads_end_with_80_percent_out_and_the_gate_bears_nothing_at_belt_start() {
+    let mut stage = Stage::started(&[]);
+    let number = |name: &str| stage.scene.surfaces.iter().position(|surface| surface.name == name);
+    let [belt, gate] = ["belt", "gate"].map(|name| number(name).expect("a surface"));
+    // At 0.25 m/s, and all out at the last sample.
+    for (k, (friction_n, gate_n)) in
+        [(8.0, 90.0), (4.0, 3.0), (0.0, 6.0), (40.0, 10.0)].into_iter().enumerate()
+    {
+        if k == 3 {
+            stage.put(0..stage.state.particles.len(), 0.1);
+        }
+        stage.loads[belt].force = DVec3::new(-friction_n, 0.0, -50.0);
+        stage.loads[gate].force = DVec3::new(0.6, 0.0, -0.8) * gate_n;
+        stage.process();
+    }
+    let responses = stage.monitor.responses(EndReason::Empty);
+    for (name, expected) in [
+        ("mean_belt_power_w", 1.0),
+        ("max_belt_power_w", 10.0),
+        ("mean_gate_force_n", 4.5),
+        ("max_gate_force_n", 10.0),
+    ] {
+        assert_close(responses[name].as_f64().unwrap(), expected, 1e-9);
     }
 }
 
