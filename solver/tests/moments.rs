@@ -42,6 +42,13 @@ fn moment_stiffnesses_are_those_of_a_disk() {
         assert_close(law.rim.into(), 2.0 / (scale * RADIUS), 1e-6);
     }
     assert_eq!(of(1.0, 0.0), None);
+    // Their dashpots are those of the contact: none without contact between bonded neighbours.
+    let damping = |contact: bool| {
+        let bonds = json!({"moment_stiffness_factor": 1.0, "contact_between_bonded": contact});
+        let document = json!({"experiment": "drop", "bonds": bonds});
+        laws(&scenario::from_value(&document).expect("a sound scenario")).moment.expect("moments").damping
+    };
+    assert!(damping(true) > 0.0 && damping(false) == 0.0);
 }
 
 #[test]
