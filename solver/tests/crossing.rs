@@ -6,7 +6,7 @@ mod cut;
 #[path = "common/stl.rs"]
 mod stl;
 
-use common::{Bench, RADIUS, assert_close, at, plate, scene_of, sphere};
+use common::{Bench, E, MASS, NU, RADIUS, assert_close, at, plate, scene_of, sphere};
 use cut::{slot, surface, tilt, tilted_plate};
 use glam::{DQuat, DVec3};
 use roost_solver::engine::Backend;
@@ -215,6 +215,23 @@ fn both_faces_of_a_thin_sheet_push_back_to_the_same_side() {
             assert!(x.dot(up) > RADIUS && v.dot(up) > 0.0 && passed == 0, "{x} at {v} m/s, {dt} s");
         }
     }
+    // The nearer face acts alone, by Hertz: an overlap of R and the depth beyond it, or of R less the height over it.
+    let (hertz, dt) = (4.0 / 3.0 * E / (1.0 - NU * NU) * RADIUS.sqrt(), 1e-5);
+    let mut scene = sphere(vec![sheet], DVec3::Z * 0.005, dt);
+    scene.bodies[0].velocity = DVec3::Z * -6.0;
+    let mut bench = Bench::new(&scene);
+    bench.cpu.start(&mut bench.run);
+    let mut lowest = 0.0f64;
+    for _ in 0..300 {
+        let (z, before) = (bench.position(0).z, bench.velocity(0).z);
+        assert_eq!(bench.steps(1), None);
+        let push = (bench.velocity(0).z - before) * MASS / dt;
+        let height = if z > -0.001 { z } else { z + 0.002 };
+        let expected = hertz * (RADIUS - height).max(0.0).powf(1.5);
+        assert!((push - expected).abs() < 1e-3 * expected + 1e-4, "{push} N at {z} m, not {expected} N");
+        lowest = lowest.min(z);
+    }
+    assert!(lowest < -0.003, "{lowest} m: beyond both faces");
 }
 
 #[test]
