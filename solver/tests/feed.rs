@@ -180,6 +180,29 @@ fn body_that_enters_at_once_equals_one_present_from_the_start() {
 }
 
 #[test]
+fn body_that_enters_later_moves_and_touches_alike_on_both_paths_from_its_first_step() {
+    let (scene, late) = entering();
+    let after = |cpu: &Cpu, steps: u64| {
+        let mut run = cpu.prepare(&scene);
+        cpu.advance(&mut [(&mut run, 300)]);
+        let state = cpu.state(&mut run);
+        // Its lowest layer, 2R below its middle, overlaps what is there by a tenth of R.
+        let top = (0..state.particles.len()).map(|i| state.position(i).z).fold(0.0, f64::max);
+        let position = DVec3::new(0.01, 0.005, top + 3.9 * scene.radius_m);
+        cpu.enter(&mut run, &scene, 2, &[Placement { position, ..late }]);
+        assert_eq!(cpu.advance(&mut [(&mut run, steps)]).swap_remove(0).fault, None);
+        cpu.state(&mut run).clone()
+    };
+    for steps in [1, 20, 60] {
+        let [plain, fast] = [Cpu::plain(1), Cpu::new(1)].map(|cpu| after(&cpu, steps));
+        let apart =
+            plain.particles.iter().zip(&fast.particles).map(|(a, b)| (a.velocity - b.velocity).length());
+        let (most, speed) = (apart.fold(0.0, f32::max), plain.max_speed());
+        assert!(f64::from(most) < 1e-3 * speed, "{most} of {speed} m/s after {steps} steps");
+    }
+}
+
+#[test]
 fn bodies_keep_the_moments_of_their_bonds_when_another_enters() {
     let (scene, late) = entering();
     let scene = common::with_moments(scene, 1.0);
