@@ -77,6 +77,22 @@ fn automatic_time_step_stays_below_the_damped_bound() {
     }
 }
 
+#[test]
+fn contacts_with_other_bodies_count_with_the_square_of_the_radius_ratio() {
+    // Nearly without bonds, and with dashpots at their cap, the step is as 1/√k: k of one contact of the lattice, and of
+    // 0.75 ρ² with other bodies.
+    let step_s = |ratio: f32| {
+        let mut laws = laws::laws(&hopper(0.006, "corotated"));
+        (laws.bond.k_n, laws.bond.k_t, laws.body_radius_ratio) = (1e-4, 1e-4, ratio);
+        stability(MASS, 0.006, &laws, false).auto_s
+    };
+    for ratio in [1.2f32, 1.4] {
+        let expected = (1.75 / (1.0 + 0.75 * f64::from(ratio).powi(2))).sqrt();
+        let found = step_s(ratio) / step_s(1.0);
+        assert!((found / expected - 1.0).abs() < 1e-4, "{found} is not {expected} at ρ = {ratio}");
+    }
+}
+
 /// Whether a slightly disturbed block of bonds without contacts stays intact at this share of the undamped bound.
 fn is_stable(share: f64, shear_ratio: f32, moments: f64) -> bool {
     let mut scene = scene(block([8, 8, 8]), vec![at(DVec3::ZERO, DVec3::ZERO)], 1e-5);
