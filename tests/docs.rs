@@ -310,3 +310,22 @@ fn tests_named_in_the_verification_exist() {
         "docs/verification.md or docs/data/planted-errors.csv names tests that do not exist: {missing:?}"
     );
 }
+
+#[test]
+fn each_text_of_a_planted_error_occurs_once_in_its_file() {
+    let list = read("docs/data/planted-errors.csv");
+    let mut count = 0;
+    for row in csv::Reader::from_reader(list.as_bytes()).records() {
+        let row = row.expect("five columns");
+        let [file, error, find, replace, _] = std::array::from_fn(|column| &row[column]);
+        if !find.is_empty() {
+            let found = read(&format!("solver/src/{file}")).matches(find).count();
+            assert!(
+                found == 1 && find != replace,
+                "planted-errors.csv: the text of \"{error}\" occurs {found} times in {file}"
+            );
+            count += 1;
+        }
+    }
+    assert!(count > 90, "{count}");
+}
