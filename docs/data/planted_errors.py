@@ -8,7 +8,7 @@ the list with a text in `find`, the script then puts the text of `replace` in it
 file. The error is seen if the test fails. Code that does not compile is a fault of the list, as is a text that does not occur once.
 
 Words choose the rows in which one of them occurs. A later call with the same FOLDER compiles the dependencies no more. `--check`
-looks only for the texts, without a FOLDER. Errors in kernels of the GPU have no text in the list: the tests of the GPU plant these.
+looks only for the texts. Rows without a text in `find` cannot be planted by this script. The tests of the GPU plant errors in its kernels.
 """
 
 import argparse
@@ -49,6 +49,17 @@ def planted(row, folder):
     if (count := source.count(row["find"])) != 1:
         raise Fault(f"the text of \"{row['planted_error']}\" occurs {count} times in {row['file']}")
     return source.replace(row["find"], row["replace"])
+
+
+def claim(folder):
+    """Takes a folder of its own: errors must never get into somebody's work."""
+    folder, mark = folder.resolve(), folder / ".planted-errors"
+    if folder == ROOT.resolve() or folder in ROOT.resolve().parents:
+        sys.exit(f"{folder} is this repository, or contains it: give an empty folder")
+    if folder.exists() and any(folder.iterdir()) and not mark.exists():
+        sys.exit(f"{folder} is neither empty nor from an earlier call: give an empty folder")
+    folder.mkdir(parents=True, exist_ok=True)
+    mark.touch()
 
 
 def copy(folder):
@@ -122,6 +133,7 @@ def main():
     print(f"{len(chosen)} errors; each text occurs once", flush=True)
     if given.check or given.folder is None:
         return
+    claim(given.folder)
     copy(given.folder)
     binaries = build(given.folder, sorted({target_of(row) for row in chosen}))
     for test, row in {row["seen_by"]: row for row in chosen}.items():

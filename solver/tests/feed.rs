@@ -189,7 +189,12 @@ fn body_that_enters_later_moves_and_touches_alike_on_both_paths_from_its_first_s
         // Its lowest layer, 2R below its middle, overlaps what is there by a tenth of R.
         let top = (0..state.particles.len()).map(|i| state.position(i).z).fold(0.0, f64::max);
         let position = DVec3::new(0.01, 0.005, top + 3.9 * scene.radius_m);
+        let present = state.particles.len();
         cpu.enter(&mut run, &scene, 2, &[Placement { position, ..late }]);
+        let state = cpu.state(&mut run).clone();
+        let reaches = |i: usize, j: usize| (state.position(i) - state.position(j)).length() < 2.0 * scene.radius_m;
+        let touches = (present..state.particles.len()).any(|i| (0..present).any(|j| reaches(i, j)));
+        assert!(touches, "it enters in contact");
         assert_eq!(cpu.advance(&mut [(&mut run, steps)]).swap_remove(0).fault, None);
         cpu.state(&mut run).clone()
     };

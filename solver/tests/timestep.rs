@@ -80,7 +80,7 @@ fn automatic_time_step_stays_below_the_damped_bound() {
 #[test]
 fn contacts_with_other_bodies_count_with_the_square_of_the_radius_ratio() {
     // Nearly without bonds, and with dashpots at their cap, the step is as 1/√k: k of one contact of the lattice, and of
-    // 0.75 ρ² with other bodies.
+    // 0.75 ρ² with other bodies. This repeats the formula; `pressed.rs` compares it with whole beds.
     let step_s = |ratio: f32| {
         let mut laws = laws::laws(&hopper(0.006, "corotated"));
         (laws.bond.k_n, laws.bond.k_t, laws.body_radius_ratio) = (1e-4, 1e-4, ratio);
