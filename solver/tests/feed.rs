@@ -192,7 +192,8 @@ fn body_that_enters_later_moves_and_touches_alike_on_both_paths_from_its_first_s
         let present = state.particles.len();
         cpu.enter(&mut run, &scene, 2, &[Placement { position, ..late }]);
         let state = cpu.state(&mut run).clone();
-        let reaches = |i: usize, j: usize| (state.position(i) - state.position(j)).length() < 2.0 * scene.radius_m;
+        let reaches =
+            |i: usize, j: usize| (state.position(i) - state.position(j)).length() < 2.0 * scene.radius_m;
         let touches = (present..state.particles.len()).any(|i| (0..present).any(|j| reaches(i, j)));
         assert!(touches, "it enters in contact");
         assert_eq!(cpu.advance(&mut [(&mut run, steps)]).swap_remove(0).fault, None);
