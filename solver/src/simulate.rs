@@ -7,7 +7,7 @@ use crate::engine::Backend;
 use crate::engine::checkpoint::{Checkpoint, CheckpointError, Stamp};
 use crate::engine::run::{ExperimentMonitor, Observer};
 use crate::engine::simulation::run;
-use crate::experiments::{warning_count, warnings_of_responses};
+use crate::experiments::{warning_responses, warnings_of_responses};
 use crate::result::{EndReason, RunResult, SCHEMA, SOLVER_REVISION, SolverInfo, VERSION, Warning};
 use crate::scenario::Scenario;
 
@@ -68,6 +68,6 @@ fn evaluate(
     let mut responses = monitor.responses(reason);
     warnings.extend(monitor.warnings(reason));
     warnings.extend(warnings_of_responses(checked.setup(), &responses));
-    responses.extend([warning_count(&warnings)]);
+    responses.extend(warning_responses(&warnings));
     (responses, warnings)
 }

@@ -17,7 +17,10 @@ fn run(document: Value) -> RunResult {
 
 fn codes(result: &RunResult) -> Vec<&str> {
     assert_eq!(response(result, "warning_count"), result.warnings.len() as f64);
-    result.warnings.iter().map(|warning| warning.code.as_str()).collect()
+    let codes: Vec<_> = result.warnings.iter().map(|warning| warning.code.as_str()).collect();
+    let word = if codes.is_empty() { "none".to_owned() } else { codes.join(", ") };
+    assert_eq!(result.responses["warning_codes"], word);
+    codes
 }
 
 #[test]

@@ -31,7 +31,7 @@ pub use outputs::{
 pub use setup::{Setup, plan};
 pub use warnings::{
     ALL_WARNINGS, WarningKind, of_responses as warnings_of_responses, of_scenario as warnings_of_scenario,
-    warning_count, warnings_markdown,
+    warning_responses, warnings_markdown,
 };
 
 use crate::scenario::Experiment;

@@ -12,7 +12,7 @@ mod monitor;
 mod scene;
 
 use super::outputs::{BONDS_INTACT, BONDS_INTACT_FRACTION, KINETIC_ENERGY, boolean, number, series};
-use super::warnings::WARNING_COUNT;
+use super::warnings::{WARNING_CODES, WARNING_COUNT};
 use super::{Definition, Outputs, Response, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::Scene;
@@ -40,6 +40,7 @@ const RESPONSES: &[Response] = &[
     boolean("torn", "Whether the fillet tore: no chain of bonds connects its two ends, or a part of it left the simulation."),
     BONDS_INTACT_FRACTION,
     WARNING_COUNT,
+    WARNING_CODES,
 ];
 
 #[rustfmt::skip]

@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 
 use super::bodies::body_kind;
 use super::outputs::{BONDS_INTACT, BONDS_INTACT_FRACTION, KINETIC_ENERGY, curve, number, series};
-use super::warnings::WARNING_COUNT;
+use super::warnings::{WARNING_CODES, WARNING_COUNT};
 use super::{CurveRow, Definition, Outputs, Response, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::{BodyKind, Placement, Scene};
@@ -47,6 +47,7 @@ const RESPONSES: &[Response] = &[
          enough."),
     BONDS_INTACT_FRACTION,
     WARNING_COUNT,
+    WARNING_CODES,
 ];
 
 #[rustfmt::skip]

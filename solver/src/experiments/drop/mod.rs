@@ -18,7 +18,7 @@ use super::outputs::{
     BONDS_INTACT, BONDS_INTACT_FRACTION, ESCAPED_KG, KINETIC_ENERGY, KINETIC_ENERGY_END_J, MAX_OVERLAP_RATIO,
     PASSED_THROUGH, curve, number, series,
 };
-use super::warnings::WARNING_COUNT;
+use super::warnings::{WARNING_CODES, WARNING_COUNT};
 use super::{CurveRow, Definition, Outputs, Response, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::Scene;
@@ -41,6 +41,7 @@ const RESPONSES: &[Response] = &[
     ESCAPED_KG,
     PASSED_THROUGH,
     WARNING_COUNT,
+    WARNING_CODES,
 ];
 
 const PLATE_FORCE: SeriesRow =

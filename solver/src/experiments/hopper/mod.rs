@@ -22,7 +22,7 @@ use super::outputs::{
     PASSED_THROUGH, boolean, curve, indicator, number, series, word,
 };
 use super::placement::Floor;
-use super::warnings::WARNING_COUNT;
+use super::warnings::{WARNING_CODES, WARNING_COUNT};
 use super::{CurveRow, Definition, Outputs, Response, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::{BodyKind, Scene};
@@ -124,6 +124,7 @@ const RESPONSES: &[Response] = &[
          time from t = 0 on. Null without a surface of this name."),
     number("max_gate_force_n", "N", "Maximum force on the surface named `gate`, over all samples."),
     WARNING_COUNT,
+    WARNING_CODES,
 ];
 
 const DISCHARGED_MASS: SeriesRow =

@@ -16,7 +16,7 @@ use super::outputs::{
 };
 use super::placement::orientation;
 use super::surfaces::{extent, surfaces};
-use super::warnings::WARNING_COUNT;
+use super::warnings::{WARNING_CODES, WARNING_COUNT};
 use super::{CurveRow, Definition, Outputs, Response, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::{BodyKind, Placement, Scene};
@@ -44,6 +44,7 @@ const RESPONSES: &[Response] = &[
     number("mean_power_w", "W", "Mean of the series `power`."),
     number("max_power_w", "W", "Maximum of the series `power`."),
     WARNING_COUNT,
+    WARNING_CODES,
 ];
 
 const MASS: SeriesRow = series("mass", "kg", "Mass of all bodies that have not left the simulation.");

@@ -14,7 +14,7 @@ use rand_chacha::rand_core::SeedableRng;
 
 use super::outputs::{BONDS_INTACT, BONDS_INTACT_FRACTION, KINETIC_ENERGY, boolean, number, series};
 use super::placement::{height_over_plate, orientation, uniform};
-use super::warnings::WARNING_COUNT;
+use super::warnings::{WARNING_CODES, WARNING_COUNT};
 use super::{Definition, Outputs, Response, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::{Placement, Scene};
@@ -37,6 +37,7 @@ const RESPONSES: &[Response] = &[
     boolean("rolled_over", "Whether the fillet rolled over: at some time its upper side faced the plate."),
     BONDS_INTACT_FRACTION,
     WARNING_COUNT,
+    WARNING_CODES,
 ];
 
 const TILT_ANGLE: SeriesRow = series("tilt_angle", "°", "Tilt of the plate.");

@@ -10,7 +10,7 @@ mod tests;
 
 use serde_json::Value;
 
-use super::outputs::{Response, line, number};
+use super::outputs::{Response, line, number, word};
 use crate::result::Warning;
 pub use responses::of_responses;
 pub use scenario::of_scenario;
@@ -145,9 +145,17 @@ pub(super) const WARNING_COUNT: Response = number(
     "Number of warnings. The field `warnings` of the result document lists them.",
 );
 
-/// That response, by name.
-pub fn warning_count(warnings: &[Warning]) -> (String, Value) {
-    (WARNING_COUNT.name.to_owned(), warnings.len().into())
+/// The codes of the warnings, as a response of every experiment: tables of many jobs count the words of a response.
+pub(super) const WARNING_CODES: Response = word(
+    "warning_codes",
+    "Codes of the warnings, separated by commas, or `none`. The field `warnings` of the result document has their messages.",
+);
+
+/// Both responses, by name.
+pub fn warning_responses(warnings: &[Warning]) -> [(String, Value); 2] {
+    let codes: Vec<&str> = warnings.iter().map(|warning| warning.code.as_str()).collect();
+    let codes = if codes.is_empty() { "none".to_owned() } else { codes.join(", ") };
+    [(WARNING_COUNT.name.to_owned(), warnings.len().into()), (WARNING_CODES.name.to_owned(), codes.into())]
 }
 
 /// The warning of a bed or a body that did not come to rest in time.
