@@ -15,6 +15,7 @@ use roost_api::sweep::StateCounts;
 use tokio::sync::Semaphore;
 use tokio::time::{MissedTickBehavior, interval};
 
+use crate::repeated_failure::RepeatedFailure;
 use crate::state::App;
 use crate::store::{AskedRuns, MAX_PROPOSALS, StoreError, StoredStudy};
 use crate::study::Study;
@@ -40,6 +41,7 @@ async fn decide_always(app: &App) {
     let (mut seen, mut busy) = (HashMap::new(), HashSet::new());
     let places = Semaphore::new(AT_ONCE);
     let mut decisions = FuturesUnordered::new();
+    let mut failures = RepeatedFailure::of("looking at studies");
     let mut looks = interval(INTERVAL);
     looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
@@ -55,15 +57,12 @@ async fn decide_always(app: &App) {
                     }
                 }
             }
-            _ = looks.tick() => match running_studies(app).await {
-                Ok(running) => {
-                    seen.retain(|id, _| running.contains(id));
-                    for id in running.into_iter().filter(|id| busy.insert(*id)) {
-                        let (before, places) = (seen.get(&id).copied(), &places);
-                        decisions.push(async move { (id, decide(app, id, before, places).await) });
-                    }
+            _ = looks.tick() => if let Some(running) = failures.note(running_studies(app).await) {
+                seen.retain(|id, _| running.contains(id));
+                for id in running.into_iter().filter(|id| busy.insert(*id)) {
+                    let (before, places) = (seen.get(&id).copied(), &places);
+                    decisions.push(async move { (id, decide(app, id, before, places).await) });
                 }
-                Err(error) => tracing::error!(error = error.as_dyn(), "looking at studies failed"),
             },
         }
     }

@@ -13,6 +13,7 @@
 //! | `decider` | grows studies: a background task |
 //! | `store` | the database, SQLite or PostgreSQL, and the objects; the only module with sqlx |
 //! | `reaper` | background tasks |
+//! | `repeated_failure` | logs an outage in a few lines |
 //!
 //! `server/tests/server/layout.rs` and `imports.rs` check these rules, and that modules have no import cycle.
 
@@ -28,6 +29,7 @@ mod mesh;
 mod process;
 mod queue;
 mod reaper;
+mod repeated_failure;
 mod server;
 mod state;
 mod store;

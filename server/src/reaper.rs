@@ -10,6 +10,7 @@ use roost_api::job::AttemptOutcome;
 use roost_api::time::Timestamp;
 
 use crate::queue::JobChange;
+use crate::repeated_failure::RepeatedFailure;
 use crate::state::App;
 use crate::store::StoreError;
 
@@ -35,22 +36,20 @@ pub(crate) async fn run(app: App) {
 }
 
 async fn expire(app: &App) {
+    let mut checks = RepeatedFailure::of("checking leases");
     let interval = (app.config.lease / 4).clamp(Duration::from_millis(20), Duration::from_secs(1));
     while app.shutdown.run_until_cancelled(tokio::time::sleep(interval)).await.is_some() {
-        if let Err(error) = tick(app).await {
-            tracing::error!(error = error.as_dyn(), "checking leases failed");
-        }
+        checks.note(tick(app).await);
     }
 }
 
 /// Removes the objects of checkpoints that were replaced or whose job has ended, and incomplete uploads of jobs that no longer run. A
 /// task of its own, since a bucket may be slow.
 async fn remove_checkpoints(app: &App) {
+    let mut removals = RepeatedFailure::of("removing old checkpoints");
     loop {
         tokio::time::sleep(REMOVE_EVERY).await;
-        if let Err(error) = remove_unneeded(app).await {
-            tracing::error!(error = error.as_dyn(), "removing old checkpoints failed");
-        }
+        removals.note(remove_unneeded(app).await);
     }
 }
 
