@@ -6,6 +6,7 @@ mod clock;
 mod cluster;
 mod disk;
 mod kills;
+mod recovery;
 mod servers;
 #[path = "../support/mod.rs"]
 mod support;

@@ -17,7 +17,13 @@ const NOBODY: u32 = 65534;
 /// Starts PostgreSQL again whenever it ends, until the input ends.
 const SUPERVISE: &str = r#"
 umask 077
-"$BIN/initdb" -D "$DIR/data" -U roost --auth=trust --encoding=UTF8 --locale=C --no-sync >"$DIR/log" 2>&1 </dev/null || exit 1
+if [ -e "$DIR/base.tar" ]; then
+    mkdir "$DIR/data" && tar x -C "$DIR/data" -f "$DIR/base.tar" >"$DIR/log" 2>&1 && touch "$DIR/data/recovery.signal" || exit 1
+    echo "$SETTINGS" >>"$DIR/data/postgresql.auto.conf"
+    SETTINGS=
+else
+    "$BIN/initdb" -D "$DIR/data" -U roost --auth=trust --encoding=UTF8 --locale=C --no-sync >"$DIR/log" 2>&1 </dev/null || exit 1
+fi
 touch "$DIR/run"
 while [ -e "$DIR/run" ]; do
     "$BIN/postgres" -D "$DIR/data" -k "$DIR" -c listen_addresses= -c max_connections=200 $SETTINGS >>"$DIR/log" 2>&1 </dev/null &
@@ -42,10 +48,25 @@ pub(crate) struct Cluster {
 impl Cluster {
     /// Starts one below a folder. `settings` are options of `postgres`.
     pub(crate) fn start(below: &Path, settings: &str) -> Self {
+        Self::start_from(None, below, settings)
+    }
+
+    /// Starts one from the archive `base.tar` of a base backup. `settings` are lines of its configuration, which say how to recover it.
+    #[allow(dead_code, reason = "the tests of the store recover none")]
+    pub(crate) fn recover(base: &Path, below: &Path, settings: &str) -> Self {
+        Self::start_from(Some(base), below, settings)
+    }
+
+    fn start_from(base: Option<&Path>, below: &Path, settings: &str) -> Self {
         let programs = programs();
         let folder = tempfile::Builder::new().prefix("roost-postgres-").tempdir_in(below).unwrap().keep();
         let is_root =
             std::fs::metadata("/proc/self").is_ok_and(|it| std::os::unix::fs::MetadataExt::uid(&it) == 0);
+        if let Some(base) = base {
+            let copy = folder.join("base.tar");
+            std::fs::copy(base, &copy).unwrap();
+            std::fs::set_permissions(&copy, std::fs::Permissions::from_mode(0o644)).unwrap();
+        }
         let mut command = match is_root {
             true => {
                 chown(&folder, Some(NOBODY), Some(NOBODY)).unwrap();
@@ -89,6 +110,11 @@ impl Cluster {
     /// Creates an empty database, and returns its address.
     pub(crate) fn create(&self, name: &str) -> String {
         assert!(self.run("createdb", &["-U", "roost", name]).unwrap(), "the database {name} is not created");
+        self.address(name)
+    }
+
+    /// The address of a database.
+    pub(crate) fn address(&self, name: &str) -> String {
         format!("postgres://roost@localhost/{name}?host={}", self.folder.display())
     }
 
@@ -101,7 +127,14 @@ impl Cluster {
         self.wait();
     }
 
-    fn run(&self, program: &str, arguments: &[&str]) -> io::Result<bool> {
+    /// Its folder, in which it may write.
+    #[allow(dead_code, reason = "the tests of the store read no file of it")]
+    pub(crate) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Runs a program of PostgreSQL against it. Returns whether the program succeeded.
+    pub(crate) fn run(&self, program: &str, arguments: &[&str]) -> io::Result<bool> {
         let mut command = Command::new(self.programs.join(program));
         command.arg("-h").arg(&self.folder).args(arguments).stdin(Stdio::null());
         Ok(command.stdout(Stdio::null()).status()?.success())
