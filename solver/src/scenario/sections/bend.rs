@@ -54,7 +54,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
 #[rustfmt::skip]
 pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     name: "bend",
-    question: "How far does a fillet hang over a bar or a conveyor's end?",
+    question: "How far does a fillet bend over a bar, or over the end of a conveyor?",
     sections: &[
         section("/bend", Some("bend"), "A fillet bends under its own weight."),
     ],

@@ -41,7 +41,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
 #[rustfmt::skip]
 pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     name: "drop",
-    question: "Does a fillet survive an impact, and how long does it move?",
+    question: "Do bonds of a fillet break in an impact, and how long does the fillet move?",
     sections: &[
         section("/drop", Some("drop"), "Fillets hit plates. Each fillet has a plate of its own."),
     ],

@@ -98,7 +98,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
 #[rustfmt::skip]
 pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     name: "hopper",
-    question: "Does the hopper discharge, jam or flow unevenly?",
+    question: "Does the hopper discharge evenly, discharge unevenly, or jam?",
     sections: &[
         section("/equipment", Some("hopper"),
             "This section describes hopper, gate and belt. The dimensions of Fig. 5 are derived from other numbers of the paper."),

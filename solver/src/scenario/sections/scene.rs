@@ -56,7 +56,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
 #[rustfmt::skip]
 pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     name: "scene",
-    question: "Anything else: bodies and surfaces placed freely, from CAD if you like",
+    question: "Every other question: you place bodies and surfaces freely, for example from a CAD file",
     sections: &[
         section("/scene", Some("scene"), "This section places bodies and surfaces."),
         list("/scene/bodies", "/scene/bodies/*", MAX_BODIES, Some("scene"),
