@@ -37,9 +37,9 @@ class HopperEquipmentSurfacesItem(TypedDict, total=False):
     """This list has further surfaces, with the same fields as `/scene/surfaces`."""
 
     kind: Literal["equipment", "belt", "frictionless"]
-    """Contact parameters of the surface. `equipment`: those of `/contact/fillet_equipment`. `belt`: those of
-    `/contact/fillet_belt`. `frictionless`: as `equipment`, but without friction. Source: Table 2. Default: "equipment".
-    """
+    """Contact parameters of the surface. `equipment`: the parameters of `/contact/fillet_equipment`. `belt`: the
+    parameters of `/contact/fillet_belt`. `frictionless`: as `equipment`, but without friction. Source: Table 2.
+    Default: "equipment"."""
     mesh: MeshFile | MeshDigest | None
     """Triangles from an STL file. Give either `mesh` or `plate_m`. If the normals of a closed part point outwards, the
     part is solid. If a closed box contains the fillets, its normals must point inwards. Source: assumed. Default: null.
@@ -76,7 +76,7 @@ class HopperEquipmentSurfacesItem(TypedDict, total=False):
 
 
 class SceneBodiesItem(TypedDict, total=False):
-    """This list has the fillets, with their shape, place, orientation and velocity."""
+    """This list has the bodies, with their shape, position, orientation and velocity."""
 
     orientation_deg: Sequence[float]
     """Rotation of the body: yaw about z, then pitch about its width, then roll about its length. Unit: °. Source:
@@ -94,9 +94,9 @@ class SceneSurfacesItem(TypedDict, total=False):
     """This list has the surfaces. The triangles of a surface move together."""
 
     kind: Literal["equipment", "belt", "frictionless"]
-    """Contact parameters of the surface. `equipment`: those of `/contact/fillet_equipment`. `belt`: those of
-    `/contact/fillet_belt`. `frictionless`: as `equipment`, but without friction. Source: Table 2. Default: "equipment".
-    """
+    """Contact parameters of the surface. `equipment`: the parameters of `/contact/fillet_equipment`. `belt`: the
+    parameters of `/contact/fillet_belt`. `frictionless`: as `equipment`, but without friction. Source: Table 2.
+    Default: "equipment"."""
     mesh: MeshFile | MeshDigest | None
     """Triangles from an STL file. Give either `mesh` or `plate_m`. If the normals of a closed part point outwards, the
     part is solid. If a closed box contains the fillets, its normals must point inwards. Source: assumed. Default: null.
@@ -139,9 +139,9 @@ class ContactFilletBelt(TypedDict, total=False):
     """Coefficient of restitution on the belt. Default: that of /contact/fillet_fillet/restitution. Source: assumed.
     Range: > 0 and ≤ 1."""
     static_friction: float
-    """Coulomb coefficient of friction on the belt, which the paper did not measure. Dry: the value for a steel plate.
-    Wet: a value so low that the belt slips under the fillets, as section 3.4 reports. Default when wet: 0.2. Source:
-    assumed. Default: 0.5. Range: ≥ 0 and ≤ 5."""
+    """Coulomb coefficient of friction on the belt. The paper did not measure this coefficient. Dry: the value for a
+    steel plate. Wet: a value so low that the belt slips under the fillets, as section 3.4 reports. Default when wet:
+    0.2. Source: assumed. Default: 0.5. Range: ≥ 0 and ≤ 5."""
     surface_energy_j_m2: float
     """Surface energy γ on the belt. Unit: J/m². Default: that of /contact/fillet_fillet/surface_energy_j_m2. Source:
     assumed. Range: ≥ 0 and ≤ 10."""
@@ -154,8 +154,8 @@ class ContactFilletEquipment(TypedDict, total=False):
     """Coefficient of restitution on walls, gates and plates. Default: that of /contact/fillet_fillet/restitution.
     Source: Table 2. Range: > 0 and ≤ 1."""
     static_friction: float
-    """Coulomb coefficient of friction on walls, gates and plates. Wet fillets have the same value (Fig. 8b). Source:
-    Table 2. Default: 0.5. Range: ≥ 0 and ≤ 5."""
+    """Coulomb coefficient of friction on walls, gates and plates. The coefficient is equal for dry and wet fillets
+    (Fig. 8b). Source: Table 2. Default: 0.5. Range: ≥ 0 and ≤ 5."""
     surface_energy_j_m2: float
     """Surface energy γ on walls, gates and plates. Unit: J/m². Default: that of
     /contact/fillet_fillet/surface_energy_j_m2. Source: Table 2. Range: ≥ 0 and ≤ 10."""
@@ -177,7 +177,8 @@ class HopperNumericsStop(TypedDict, total=False):
     """These conditions end a simulation before its duration is over."""
 
     when_empty: bool
-    """Whether the simulation ends when every fillet has left. Source: numerics. Default: true."""
+    """Whether the simulation ends when every fillet has left the hopper or the scene. Source: numerics. Default: true.
+    """
     when_jammed_s: float | None
     """The simulation ends when nothing has passed the gate for this time, even if little mass is left inside. Null: a
     jam does not end the simulation. Unit: s. Source: numerics. Default: null. Range: > 0 and ≤ 600."""
@@ -222,15 +223,16 @@ class SceneNumericsStop(TypedDict, total=False):
     """Whether the simulation ends as soon as its result is known. For example: the fillets rest, the fillet slides, or
     the block is compressed. Source: numerics. Default: false."""
     when_empty: bool
-    """Whether the simulation ends when every fillet has left. Source: numerics. Default: true."""
+    """Whether the simulation ends when every fillet has left the hopper or the scene. Source: numerics. Default: true.
+    """
 
 
 class Bonds(TypedDict, total=False):
     """This section describes the bonds between the sub-particles of a body."""
 
     contact_between_bonded: bool
-    """Whether two neighbours with a bond also have a contact force, as in the commercial software that the paper used.
-    Source: assumed. Default: true."""
+    """Whether a contact force also acts between two sub-particles that a bond joins. The commercial software that the
+    paper used computes this force. Source: assumed. Default: true."""
     contact_radius_ratio: float
     """Contact radius divided by the radius of a sub-particle. A bond breaks when it is longer than twice the contact
     radius. Keep the ratio below √3. Source: Table 2. Default: 1.732. Range: > 1 and ≤ 1.732."""
@@ -239,7 +241,7 @@ class Bonds(TypedDict, total=False):
     1.0. Range: > 0 and ≤ 2."""
     formulation: Literal["corotated", "as_published", "finite_extension"]
     """Rule for the bond force. `corotated`: the force turns with the bond. `as_published`: the force keeps its
-    direction. `finite_extension`: as `corotated`, and the bond becomes stiffer before it breaks. Source: eq. 6.
+    direction. `finite_extension`: as `corotated`, but the bond becomes stiffer before it breaks. Source: eq. 6.
     Default: "corotated"."""
     moment_stiffness_factor: float
     """Factor of the bending and twisting stiffness of a bond. 0: bonds carry no moments, as in the paper. 1: the
@@ -247,24 +249,25 @@ class Bonds(TypedDict, total=False):
     2004. I and J are the second moments of area of the bond's cross-section, for bending and twisting. Source: assumed.
     Default: 0.0. Range: ≥ 0 and ≤ 10."""
     normal_stiffness_n_m3: float
-    """Stiffness S_n of a bond along its length, per unit area. Unit: N/m³. Source: Table 2. Default: 1000000.0. Range:
-    > 0 and ≤ 1000000000000."""
+    """Stiffness S_n of a bond along its length, per cross-section area of the bond. Unit: N/m³. Source: Table 2.
+    Default: 1000000.0. Range: > 0 and ≤ 1000000000000."""
     normal_strength_pa: float | None
-    """Stress along a bond at which the bond breaks. Null: no stress along the bond breaks it. Unit: Pa. Source: Table 2
-    has 1e300. Default: null. Range: > 0 and ≤ 1e+300."""
+    """Stress along a bond at which the bond breaks. Null: stress along the bond never breaks the bond. Unit: Pa.
+    Source: Table 2 has 1e300. Default: null. Range: > 0 and ≤ 1e+300."""
     reference_radius_m: float | None
     """Radius R_ref of the sub-particles for which S_n and S_t are given. At another radius R, Roost multiplies S_n and
     S_t by R_ref / R, so that the lattice keeps its modulus. Null: Roost uses S_n and S_t unchanged at every radius.
     Unit: m. Source: section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤ 0.05."""
     shear_stiffness_n_m3: float
-    """Stiffness S_t of a bond across its length (shear), per unit area. Unit: N/m³. Source: Table 2. Default: 600000.0.
-    Range: ≥ 0 and ≤ 1000000000000."""
+    """Stiffness S_t of a bond across its length (shear), per cross-section area of the bond. Unit: N/m³. Source: Table
+    2. Default: 600000.0. Range: ≥ 0 and ≤ 1000000000000."""
     shear_strength_pa: float | None
-    """Shear stress at which a bond breaks. Null: no shear stress breaks the bond. Unit: Pa. Source: Table 2 has 1e300.
-    Default: null. Range: > 0 and ≤ 1e+300."""
+    """Shear stress at which a bond breaks. Null: shear stress never breaks the bond. Unit: Pa. Source: Table 2 has
+    1e300. Default: null. Range: > 0 and ≤ 1e+300."""
     types: int
-    """Number of types of sub-particles (Fig. 2). 2: bonds only along the edges of the lattice. 1: also bonds along
-    diagonals that are shorter than twice the contact radius. Source: section 2.2. Default: 2. Range: ≥ 1 and ≤ 2."""
+    """Number of types of sub-particles (Fig. 2). 2: bonds only along the edges of the lattice. 1: bonds along the
+    edges, and along the diagonals that are shorter than twice the contact radius. Source: section 2.2. Default: 2.
+    Range: ≥ 1 and ≤ 2."""
 
 
 class HopperContact(TypedDict, total=False):
@@ -280,12 +283,12 @@ class HopperContact(TypedDict, total=False):
     fillet_fillet: ContactFilletFillet
     """These values apply to contacts between sub-particles."""
     fillet_fillet_radius_ratio: float
-    """Radius of a sub-particle in contacts with other fillets, divided by `/product/subparticle_radius_m`. At 1, a
-    sub-particle of one fillet can slip between the sub-particles of another fillet. At 1.225, a sub-particle is too
-    large to slip through. Source: assumed. Default: 1.0. Range: ≥ 1 and ≤ 1.5."""
+    """Radius of a sub-particle in contacts with other fillets, divided by `/product/subparticle_radius_m`. With the
+    value 1, a sub-particle of one fillet can slip between the sub-particles of another fillet. With the value 1.225, a
+    sub-particle is too large to slip through. Source: assumed. Default: 1.0. Range: ≥ 1 and ≤ 1.5."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ
-    R/R₀. A surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: the energy is γ at
+    R/R₀. The pull of a surface is then 3πγ/(4 R₀) per area at every R, as for a liquid film. Null: the energy is γ at
     every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
@@ -303,7 +306,7 @@ class DropContact(TypedDict, total=False):
     """These values apply to contacts between sub-particles."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ
-    R/R₀. A surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: the energy is γ at
+    R/R₀. The pull of a surface is then 3πγ/(4 R₀) per area at every R, as for a liquid film. Null: the energy is γ at
     every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
@@ -321,7 +324,7 @@ class BendContact(TypedDict, total=False):
     """These values apply to contacts between sub-particles."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ
-    R/R₀. A surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: the energy is γ at
+    R/R₀. The pull of a surface is then 3πγ/(4 R₀) per area at every R, as for a liquid film. Null: the energy is γ at
     every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
@@ -339,7 +342,7 @@ class SlideContact(TypedDict, total=False):
     """These values apply to contacts between sub-particles."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ
-    R/R₀. A surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: the energy is γ at
+    R/R₀. The pull of a surface is then 3πγ/(4 R₀) per area at every R, as for a liquid film. Null: the energy is γ at
     every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
@@ -357,7 +360,7 @@ class CompressContact(TypedDict, total=False):
     """These values apply to contacts between sub-particles."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ
-    R/R₀. A surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: the energy is γ at
+    R/R₀. The pull of a surface is then 3πγ/(4 R₀) per area at every R, as for a liquid film. Null: the energy is γ at
     every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
@@ -374,30 +377,30 @@ class SceneContact(TypedDict, total=False):
     fillet_fillet: ContactFilletFillet
     """These values apply to contacts between sub-particles."""
     fillet_fillet_radius_ratio: float
-    """Radius of a sub-particle in contacts with other fillets, divided by `/product/subparticle_radius_m`. At 1, a
-    sub-particle of one fillet can slip between the sub-particles of another fillet. At 1.225, a sub-particle is too
-    large to slip through. Source: assumed. Default: 1.0. Range: ≥ 1 and ≤ 1.5."""
+    """Radius of a sub-particle in contacts with other fillets, divided by `/product/subparticle_radius_m`. With the
+    value 1, a sub-particle of one fillet can slip between the sub-particles of another fillet. With the value 1.225, a
+    sub-particle is too large to slip through. Source: assumed. Default: 1.0. Range: ≥ 1 and ≤ 1.5."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ
-    R/R₀. A surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: the energy is γ at
+    R/R₀. The pull of a surface is then 3πγ/(4 R₀) per area at every R, as for a liquid film. Null: the energy is γ at
     every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class HopperEquipment(TypedDict, total=False):
-    """This section describes hopper, gate and belt. The dimensions of Fig. 5 are derived from other numbers of the
-    paper."""
+    """This section describes the hopper, the gate and the belt. The dimensions of Fig. 5 are derived from other numbers
+    of the paper."""
 
     belt_speed_m_s: float
-    """Speed of the belt from t = 0 on. The paper's belt runs at 15 m/min. If `parametric` is false, the belt in
-    `surfaces` has a speed of its own. Unit: m/s. Source: section 2.4. Default: 0.25. Range: ≥ 0 and ≤ 10."""
+    """Speed of the belt from t = 0 on. The paper's belt runs at 15 m/min. If `parametric` is false, the speed of the
+    belt comes from `surfaces`. Unit: m/s. Source: section 2.4. Default: 0.25. Range: ≥ 0 and ≤ 10."""
     feed_kg_s: float
-    """Mass of the fillets that enter from above per second, from t = 0 on. The fillets start at the height
-    `hopper_height_m`, at random places where they touch nothing. 0: no feed. Unit: kg/s. Source: assumed. Default: 0.0.
-    Range: ≥ 0 and ≤ 1000."""
+    """Mass per second of the fillets that enter from above, from t = 0 on. The fillets start at the height
+    `hopper_height_m`, at random positions where they touch nothing. 0: no feed. Unit: kg/s. Source: assumed. Default:
+    0.0. Range: ≥ 0 and ≤ 1000."""
     gate_opening_m: float
     """Height of the gate's lower edge above the belt. If `parametric` is false, this field has no effect: see
-    `opening_height_m`. Roost then refuses a value that differs from the default and from `opening_height_m`. Unit: m.
-    Source: Fig. 5. Default: 0.06. Range: ≥ 0.001 and ≤ 5."""
+    `opening_height_m`. Roost then accepts only the default and the value of `opening_height_m`. Unit: m. Source: Fig.
+    5. Default: 0.06. Range: ≥ 0.001 and ≤ 5."""
     hopper_height_m: float
     """Height of the hopper walls above the belt. Unit: m. Source: assumed. Default: 0.5. Range: ≥ 0.01 and ≤ 10."""
     hopper_length_m: float
@@ -413,21 +416,21 @@ class HopperEquipment(TypedDict, total=False):
     """Inner width of the opening under the gate, if `parametric` is false. Null: the result has no belt capacity and no
     `regime`. Unit: m. Source: assumed. Default: null. Range: ≥ 0.001 and ≤ 10."""
     parametric: bool
-    """True: Roost makes belt, walls, gate and shutter from the fields of this table. False: the hopper consists only of
-    `surfaces`. Source: assumed. Default: true."""
+    """True: Roost makes the belt, the walls, the gate and the shutter from the fields of this table. False: the hopper
+    consists only of `surfaces`. Source: assumed. Default: true."""
     shutter_while_filling: bool
     """Whether a shutter closes the opening until the belt starts. Source: assumed. Default: true."""
     side_walls: Literal["rough", "frictionless", "periodic"]
-    """The two walls along the belt. `rough`: walls with the friction of the equipment. `frictionless`: walls without
-    friction, for a slice of a wide hopper. `periodic`: no walls; a fillet that leaves on one side enters on the other
-    side. Source: section 2.4. Default: "rough"."""
+    """Kind of the two walls along the belt. `rough`: walls with the friction of the equipment. `frictionless`: walls
+    without friction, for a slice of a wide hopper. `periodic`: no walls; a fillet that leaves on one side enters on the
+    other side. Source: section 2.4. Default: "rough"."""
     surface_loads: bool
-    """Whether the result has the series of force and torque on each surface. These series make the result ten times as
-    large. Source: numerics. Default: false."""
+    """Whether the result has the series of force and torque on each surface. With these series, the result is ten times
+    as large as without the series. Source: numerics. Default: false."""
     surfaces: Sequence[HopperEquipmentSurfacesItem]
     """This list has further surfaces, with the same fields as `/scene/surfaces`."""
     wall_slope_deg: float
-    """Slope of the back wall from the vertical; the hopper widens upwards. Unit: °. Source: assumed. Default: 0.0.
+    """Angle between the back wall and the vertical; the hopper widens upwards. Unit: °. Source: assumed. Default: 0.0.
     Range: ≥ 0 and ≤ 80."""
 
 
@@ -441,11 +444,11 @@ class Material(TypedDict, total=False):
 
 
 class HopperNumerics(TypedDict, total=False):
-    """This section sets time step, duration, sampling and stopping."""
+    """This section sets the time step, the duration, the sampling and the end of a simulation."""
 
     allow_unstable: bool
-    """Whether Roost accepts a time step above the stability limit, for studies of stability. Source: numerics. Default:
-    false."""
+    """Whether Roost accepts a time step above the stability limit. Use the value true only to study stability. Source:
+    numerics. Default: false."""
     duration_s: float
     """Simulated time from t = 0 on. At t = 0 the belt or the test starts. Unit: s. Source: numerics. Default: 6.0.
     Range: > 0 and ≤ 600."""
@@ -454,8 +457,8 @@ class HopperNumerics(TypedDict, total=False):
     the curve. Unit: m/s². Source: assumed. Default: 9.81. Range: ≥ 0 and ≤ 100."""
     jam_after_s: float
     """A hopper has jammed when nothing passes the gate for this time, while at least 5 % of the filled mass is inside.
-    If `when_jammed_s` is shorter, it replaces this time. Unit: s. Source: numerics. Default: 1.0. Range: > 0 and ≤ 600.
-    """
+    If `when_jammed_s` is shorter than this time, Roost uses `when_jammed_s` instead. Unit: s. Source: numerics.
+    Default: 1.0. Range: > 0 and ≤ 600."""
     max_fill_s: float
     """If the fillets are not at rest after this time, the simulation ends. Unit: s. Source: numerics. Default: 10.0.
     Range: > 0 and ≤ 600."""
@@ -475,11 +478,11 @@ class HopperNumerics(TypedDict, total=False):
 
 
 class DropNumerics(TypedDict, total=False):
-    """This section sets time step, duration, sampling and stopping."""
+    """This section sets the time step, the duration, the sampling and the end of a simulation."""
 
     allow_unstable: bool
-    """Whether Roost accepts a time step above the stability limit, for studies of stability. Source: numerics. Default:
-    false."""
+    """Whether Roost accepts a time step above the stability limit. Use the value true only to study stability. Source:
+    numerics. Default: false."""
     duration_s: float
     """Simulated time from t = 0 on. At t = 0 the belt or the test starts. Unit: s. Source: numerics. Default: 2.0.
     Range: > 0 and ≤ 600."""
@@ -502,11 +505,11 @@ class DropNumerics(TypedDict, total=False):
 
 
 class BendNumerics(TypedDict, total=False):
-    """This section sets time step, duration, sampling and stopping."""
+    """This section sets the time step, the duration, the sampling and the end of a simulation."""
 
     allow_unstable: bool
-    """Whether Roost accepts a time step above the stability limit, for studies of stability. Source: numerics. Default:
-    false."""
+    """Whether Roost accepts a time step above the stability limit. Use the value true only to study stability. Source:
+    numerics. Default: false."""
     duration_s: float
     """Simulated time from t = 0 on. At t = 0 the belt or the test starts. Unit: s. Source: numerics. Default: 5.0.
     Range: > 0 and ≤ 600."""
@@ -532,11 +535,11 @@ class BendNumerics(TypedDict, total=False):
 
 
 class SlideNumerics(TypedDict, total=False):
-    """This section sets time step, duration, sampling and stopping."""
+    """This section sets the time step, the duration, the sampling and the end of a simulation."""
 
     allow_unstable: bool
-    """Whether Roost accepts a time step above the stability limit, for studies of stability. Source: numerics. Default:
-    false."""
+    """Whether Roost accepts a time step above the stability limit. Use the value true only to study stability. Source:
+    numerics. Default: false."""
     gravity_m_s2: float
     """Acceleration of gravity, downwards. The default in `compress` is 0, because the weight of the block would distort
     the curve. Unit: m/s². Source: assumed. Default: 9.81. Range: ≥ 0 and ≤ 100."""
@@ -559,11 +562,11 @@ class SlideNumerics(TypedDict, total=False):
 
 
 class CompressNumerics(TypedDict, total=False):
-    """This section sets time step, duration, sampling and stopping."""
+    """This section sets the time step, the duration, the sampling and the end of a simulation."""
 
     allow_unstable: bool
-    """Whether Roost accepts a time step above the stability limit, for studies of stability. Source: numerics. Default:
-    false."""
+    """Whether Roost accepts a time step above the stability limit. Use the value true only to study stability. Source:
+    numerics. Default: false."""
     gravity_m_s2: float
     """Acceleration of gravity, downwards. The default in `compress` is 0, because the weight of the block would distort
     the curve. Unit: m/s². Source: assumed. Default: 0.0. Range: ≥ 0 and ≤ 100."""
@@ -583,11 +586,11 @@ class CompressNumerics(TypedDict, total=False):
 
 
 class SceneNumerics(TypedDict, total=False):
-    """This section sets time step, duration, sampling and stopping."""
+    """This section sets the time step, the duration, the sampling and the end of a simulation."""
 
     allow_unstable: bool
-    """Whether Roost accepts a time step above the stability limit, for studies of stability. Source: numerics. Default:
-    false."""
+    """Whether Roost accepts a time step above the stability limit. Use the value true only to study stability. Source:
+    numerics. Default: false."""
     duration_s: float
     """Simulated time from t = 0 on. At t = 0 the belt or the test starts. Unit: s. Source: numerics. Default: 2.0.
     Range: > 0 and ≤ 600."""
@@ -613,158 +616,173 @@ class HopperProduct(TypedDict, total=False):
     """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
 
     count: int
-    """Number of fillets. If `shape` is null, the sizes and their mirror images take turns: fillet i has the shape i mod
-    (2 · number of sizes). The paper's drop test has 15 fillets of each of six shapes (section 2.3.3). Source: section
-    2.4. Default: 191. Range: ≥ 1 and ≤ 100000."""
+    """Number of fillets. If `shape` is null, Roost uses all sizes and their mirror images in turn: fillet i has the
+    shape i mod (2 · number of sizes). The paper's drop test has 15 fillets of each of six shapes (section 2.3.3).
+    Source: section 2.4. Default: 191. Range: ≥ 1 and ≤ 100000."""
     density_kg_m3: float | None
-    """Density of a body: its mass divided by its volume. Null if `subparticle_density_kg_m3` is given. Unit: kg/m³.
-    Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
+    """Density of a body: the mass of the body divided by its volume. The value is null if you set
+    `subparticle_density_kg_m3`. Unit: kg/m³. Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
     fill: Literal["centres", "whole_spheres"]
-    """Rule that decides which lattice points become sub-particles. `centres`: those whose centre is inside the shape.
-    `whole_spheres`: those whose whole sphere is inside the shape. Source: assumed. Default: "centres"."""
+    """Rule that decides which lattice points become sub-particles. `centres`: the points inside the shape.
+    `whole_spheres`: the points whose whole sphere of radius R is inside the shape. Source: assumed. Default: "centres".
+    """
     mesh: MeshFile | MeshDigest | None
-    """A closed mesh (STL file) as the shape of all fillets. It replaces the teardrop shapes of `sizes_m`. Source:
+    """A closed mesh (STL file) as the shape of all fillets. The mesh replaces the teardrop shapes of `sizes_m`. Source:
     section 2.2. Default: null."""
     scale: float
     """Factor by which the lengths of bodies and sub-particles are multiplied. Source: Fig. 12. Default: 1.0. Range: ≥
     0.05 and ≤ 20."""
     shape: int | None
     """Shape of all fillets: 2 · (number of the size in `sizes_m`, counted from 0), plus 1 for the mirror image. Null:
-    each shape in turn. Source: Fig. 1. Default: null. Range: ≥ 0 and ≤ 63."""
+    Roost uses all shapes in turn. Source: Fig. 1. Default: null. Range: ≥ 0 and ≤ 63."""
     sizes_m: Sequence[Sequence[float]]
     """Length, width and thickness of each size. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04], [0.172,
     0.072, 0.032], [0.176, 0.072, 0.04]]."""
     spheres: bool
-    """True: each body is one sphere of radius `subparticle_radius_m` and density `density_kg_m3`, without bonds. Use it
-    for grains, and for comparisons with other programs. False: bodies have the shapes of `sizes_m` or `mesh`. Source:
-    assumed. Default: false."""
+    """True: each body is one sphere of radius `subparticle_radius_m` and density `density_kg_m3`, without bonds. Use
+    the value true for grains, and for comparisons with other programs. False: bodies have the shapes of `sizes_m` or
+    `mesh`. Source: assumed. Default: false."""
     subparticle_density_kg_m3: float | None
-    """Density of a sub-particle. A value here replaces `density_kg_m3`. The paper states both densities, but they
-    contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null. Range: ≥ 10 and ≤ 20000."""
+    """Density of a sub-particle. If you set this field, do not set `density_kg_m3`. The paper states both densities,
+    but the two values contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null. Range: ≥ 10 and ≤
+    20000."""
     subparticle_radius_m: float
-    """Radius R of a sub-particle. Neighbouring sub-particles have the distance 2R. Half the radius makes eight times as
-    many sub-particles. Unit: m. Source: section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤ 0.05."""
+    """Radius R of a sub-particle. The centres of neighbouring sub-particles have the distance 2R. With half the radius,
+    a body has eight times as many sub-particles. Unit: m. Source: section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤
+    0.05."""
 
 
 class DropProduct(TypedDict, total=False):
     """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
 
     count: int
-    """Number of fillets. If `shape` is null, the sizes and their mirror images take turns: fillet i has the shape i mod
-    (2 · number of sizes). The paper's drop test has 15 fillets of each of six shapes (section 2.3.3). Source: section
-    2.4. Default: 90. Range: ≥ 1 and ≤ 100000."""
+    """Number of fillets. If `shape` is null, Roost uses all sizes and their mirror images in turn: fillet i has the
+    shape i mod (2 · number of sizes). The paper's drop test has 15 fillets of each of six shapes (section 2.3.3).
+    Source: section 2.4. Default: 90. Range: ≥ 1 and ≤ 100000."""
     density_kg_m3: float | None
-    """Density of a body: its mass divided by its volume. Null if `subparticle_density_kg_m3` is given. Unit: kg/m³.
-    Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
+    """Density of a body: the mass of the body divided by its volume. The value is null if you set
+    `subparticle_density_kg_m3`. Unit: kg/m³. Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
     fill: Literal["centres", "whole_spheres"]
-    """Rule that decides which lattice points become sub-particles. `centres`: those whose centre is inside the shape.
-    `whole_spheres`: those whose whole sphere is inside the shape. Source: assumed. Default: "centres"."""
+    """Rule that decides which lattice points become sub-particles. `centres`: the points inside the shape.
+    `whole_spheres`: the points whose whole sphere of radius R is inside the shape. Source: assumed. Default: "centres".
+    """
     mesh: MeshFile | MeshDigest | None
-    """A closed mesh (STL file) as the shape of all fillets. It replaces the teardrop shapes of `sizes_m`. Source:
+    """A closed mesh (STL file) as the shape of all fillets. The mesh replaces the teardrop shapes of `sizes_m`. Source:
     section 2.2. Default: null."""
     scale: float
     """Factor by which the lengths of bodies and sub-particles are multiplied. Source: Fig. 12. Default: 1.0. Range: ≥
     0.05 and ≤ 20."""
     shape: int | None
     """Shape of all fillets: 2 · (number of the size in `sizes_m`, counted from 0), plus 1 for the mirror image. Null:
-    each shape in turn. Source: Fig. 1. Default: null. Range: ≥ 0 and ≤ 63."""
+    Roost uses all shapes in turn. Source: Fig. 1. Default: null. Range: ≥ 0 and ≤ 63."""
     sizes_m: Sequence[Sequence[float]]
     """Length, width and thickness of each size. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04], [0.172,
     0.072, 0.032], [0.176, 0.072, 0.04]]."""
     subparticle_density_kg_m3: float | None
-    """Density of a sub-particle. A value here replaces `density_kg_m3`. The paper states both densities, but they
-    contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null. Range: ≥ 10 and ≤ 20000."""
+    """Density of a sub-particle. If you set this field, do not set `density_kg_m3`. The paper states both densities,
+    but the two values contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null. Range: ≥ 10 and ≤
+    20000."""
     subparticle_radius_m: float
-    """Radius R of a sub-particle. Neighbouring sub-particles have the distance 2R. Half the radius makes eight times as
-    many sub-particles. Unit: m. Source: section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤ 0.05."""
+    """Radius R of a sub-particle. The centres of neighbouring sub-particles have the distance 2R. With half the radius,
+    a body has eight times as many sub-particles. Unit: m. Source: section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤
+    0.05."""
 
 
 class BendProduct(TypedDict, total=False):
     """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
 
     density_kg_m3: float | None
-    """Density of a body: its mass divided by its volume. Null if `subparticle_density_kg_m3` is given. Unit: kg/m³.
-    Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
+    """Density of a body: the mass of the body divided by its volume. The value is null if you set
+    `subparticle_density_kg_m3`. Unit: kg/m³. Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
     fill: Literal["centres", "whole_spheres"]
-    """Rule that decides which lattice points become sub-particles. `centres`: those whose centre is inside the shape.
-    `whole_spheres`: those whose whole sphere is inside the shape. Source: assumed. Default: "centres"."""
+    """Rule that decides which lattice points become sub-particles. `centres`: the points inside the shape.
+    `whole_spheres`: the points whose whole sphere of radius R is inside the shape. Source: assumed. Default: "centres".
+    """
     mesh: MeshFile | MeshDigest | None
-    """A closed mesh (STL file) as the shape of all fillets. It replaces the teardrop shapes of `sizes_m`. Source:
+    """A closed mesh (STL file) as the shape of all fillets. The mesh replaces the teardrop shapes of `sizes_m`. Source:
     section 2.2. Default: null."""
     scale: float
     """Factor by which the lengths of bodies and sub-particles are multiplied. Source: Fig. 12. Default: 1.0. Range: ≥
     0.05 and ≤ 20."""
     shape: int | None
     """Shape of all fillets: 2 · (number of the size in `sizes_m`, counted from 0), plus 1 for the mirror image. Null:
-    each shape in turn. Source: Fig. 1. Default: 2. Range: ≥ 0 and ≤ 63."""
+    Roost uses all shapes in turn. Source: Fig. 1. Default: 2. Range: ≥ 0 and ≤ 63."""
     sizes_m: Sequence[Sequence[float]]
     """Length, width and thickness of each size. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04], [0.172,
     0.072, 0.032], [0.176, 0.072, 0.04]]."""
     subparticle_density_kg_m3: float | None
-    """Density of a sub-particle. A value here replaces `density_kg_m3`. The paper states both densities, but they
-    contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null. Range: ≥ 10 and ≤ 20000."""
+    """Density of a sub-particle. If you set this field, do not set `density_kg_m3`. The paper states both densities,
+    but the two values contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null. Range: ≥ 10 and ≤
+    20000."""
     subparticle_radius_m: float
-    """Radius R of a sub-particle. Neighbouring sub-particles have the distance 2R. Half the radius makes eight times as
-    many sub-particles. Unit: m. Source: section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤ 0.05."""
+    """Radius R of a sub-particle. The centres of neighbouring sub-particles have the distance 2R. With half the radius,
+    a body has eight times as many sub-particles. Unit: m. Source: section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤
+    0.05."""
 
 
 class SlideProduct(TypedDict, total=False):
     """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
 
     density_kg_m3: float | None
-    """Density of a body: its mass divided by its volume. Null if `subparticle_density_kg_m3` is given. Unit: kg/m³.
-    Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
+    """Density of a body: the mass of the body divided by its volume. The value is null if you set
+    `subparticle_density_kg_m3`. Unit: kg/m³. Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
     fill: Literal["centres", "whole_spheres"]
-    """Rule that decides which lattice points become sub-particles. `centres`: those whose centre is inside the shape.
-    `whole_spheres`: those whose whole sphere is inside the shape. Source: assumed. Default: "centres"."""
+    """Rule that decides which lattice points become sub-particles. `centres`: the points inside the shape.
+    `whole_spheres`: the points whose whole sphere of radius R is inside the shape. Source: assumed. Default: "centres".
+    """
     mesh: MeshFile | MeshDigest | None
-    """A closed mesh (STL file) as the shape of all fillets. It replaces the teardrop shapes of `sizes_m`. Source:
+    """A closed mesh (STL file) as the shape of all fillets. The mesh replaces the teardrop shapes of `sizes_m`. Source:
     section 2.2. Default: null."""
     scale: float
     """Factor by which the lengths of bodies and sub-particles are multiplied. Source: Fig. 12. Default: 1.0. Range: ≥
     0.05 and ≤ 20."""
     shape: int | None
     """Shape of all fillets: 2 · (number of the size in `sizes_m`, counted from 0), plus 1 for the mirror image. Null:
-    each shape in turn. Source: Fig. 1. Default: 2. Range: ≥ 0 and ≤ 63."""
+    Roost uses all shapes in turn. Source: Fig. 1. Default: 2. Range: ≥ 0 and ≤ 63."""
     sizes_m: Sequence[Sequence[float]]
     """Length, width and thickness of each size. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04], [0.172,
     0.072, 0.032], [0.176, 0.072, 0.04]]."""
     subparticle_density_kg_m3: float | None
-    """Density of a sub-particle. A value here replaces `density_kg_m3`. The paper states both densities, but they
-    contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null. Range: ≥ 10 and ≤ 20000."""
+    """Density of a sub-particle. If you set this field, do not set `density_kg_m3`. The paper states both densities,
+    but the two values contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null. Range: ≥ 10 and ≤
+    20000."""
     subparticle_radius_m: float
-    """Radius R of a sub-particle. Neighbouring sub-particles have the distance 2R. Half the radius makes eight times as
-    many sub-particles. Unit: m. Source: section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤ 0.05."""
+    """Radius R of a sub-particle. The centres of neighbouring sub-particles have the distance 2R. With half the radius,
+    a body has eight times as many sub-particles. Unit: m. Source: section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤
+    0.05."""
 
 
 class CompressProduct(TypedDict, total=False):
     """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
 
     density_kg_m3: float | None
-    """Density of a body: its mass divided by its volume. Null if `subparticle_density_kg_m3` is given. Unit: kg/m³.
-    Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
+    """Density of a body: the mass of the body divided by its volume. The value is null if you set
+    `subparticle_density_kg_m3`. Unit: kg/m³. Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
     scale: float
     """Factor by which the lengths of bodies and sub-particles are multiplied. Source: Fig. 12. Default: 1.0. Range: ≥
     0.05 and ≤ 20."""
     subparticle_density_kg_m3: float | None
-    """Density of a sub-particle. A value here replaces `density_kg_m3`. The paper states both densities, but they
-    contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null. Range: ≥ 10 and ≤ 20000."""
+    """Density of a sub-particle. If you set this field, do not set `density_kg_m3`. The paper states both densities,
+    but the two values contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null. Range: ≥ 10 and ≤
+    20000."""
     subparticle_radius_m: float
-    """Radius R of a sub-particle. Neighbouring sub-particles have the distance 2R. Half the radius makes eight times as
-    many sub-particles. Unit: m. Source: section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤ 0.05."""
+    """Radius R of a sub-particle. The centres of neighbouring sub-particles have the distance 2R. With half the radius,
+    a body has eight times as many sub-particles. Unit: m. Source: section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤
+    0.05."""
 
 
 class SceneProduct(TypedDict, total=False):
     """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
 
     density_kg_m3: float | None
-    """Density of a body: its mass divided by its volume. Null if `subparticle_density_kg_m3` is given. Unit: kg/m³.
-    Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
+    """Density of a body: the mass of the body divided by its volume. The value is null if you set
+    `subparticle_density_kg_m3`. Unit: kg/m³. Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
     fill: Literal["centres", "whole_spheres"]
-    """Rule that decides which lattice points become sub-particles. `centres`: those whose centre is inside the shape.
-    `whole_spheres`: those whose whole sphere is inside the shape. Source: assumed. Default: "centres"."""
+    """Rule that decides which lattice points become sub-particles. `centres`: the points inside the shape.
+    `whole_spheres`: the points whose whole sphere of radius R is inside the shape. Source: assumed. Default: "centres".
+    """
     mesh: MeshFile | MeshDigest | None
-    """A closed mesh (STL file) as the shape of all fillets. It replaces the teardrop shapes of `sizes_m`. Source:
+    """A closed mesh (STL file) as the shape of all fillets. The mesh replaces the teardrop shapes of `sizes_m`. Source:
     section 2.2. Default: null."""
     scale: float
     """Factor by which the lengths of bodies and sub-particles are multiplied. Source: Fig. 12. Default: 1.0. Range: ≥
@@ -773,15 +791,17 @@ class SceneProduct(TypedDict, total=False):
     """Length, width and thickness of each size. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04], [0.172,
     0.072, 0.032], [0.176, 0.072, 0.04]]."""
     spheres: bool
-    """True: each body is one sphere of radius `subparticle_radius_m` and density `density_kg_m3`, without bonds. Use it
-    for grains, and for comparisons with other programs. False: bodies have the shapes of `sizes_m` or `mesh`. Source:
-    assumed. Default: false."""
+    """True: each body is one sphere of radius `subparticle_radius_m` and density `density_kg_m3`, without bonds. Use
+    the value true for grains, and for comparisons with other programs. False: bodies have the shapes of `sizes_m` or
+    `mesh`. Source: assumed. Default: false."""
     subparticle_density_kg_m3: float | None
-    """Density of a sub-particle. A value here replaces `density_kg_m3`. The paper states both densities, but they
-    contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null. Range: ≥ 10 and ≤ 20000."""
+    """Density of a sub-particle. If you set this field, do not set `density_kg_m3`. The paper states both densities,
+    but the two values contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null. Range: ≥ 10 and ≤
+    20000."""
     subparticle_radius_m: float
-    """Radius R of a sub-particle. Neighbouring sub-particles have the distance 2R. Half the radius makes eight times as
-    many sub-particles. Unit: m. Source: section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤ 0.05."""
+    """Radius R of a sub-particle. The centres of neighbouring sub-particles have the distance 2R. With half the radius,
+    a body has eight times as many sub-particles. Unit: m. Source: section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤
+    0.05."""
 
 
 class Drop(TypedDict, total=False):
@@ -794,8 +814,8 @@ class Drop(TypedDict, total=False):
     """Roll: rotation about the fillet's length, after the pitch. At 90° the fillet falls on its side. Unit: °. Source:
     Fig. 10. Default: 0.0. Range: ≥ -180 and ≤ 180."""
     scatter_deg: float
-    """Maximum random deviation of each fillet's yaw, pitch and roll. The random numbers depend on `/seed`. Unit: °.
-    Source: assumed. Default: 0.0. Range: ≥ 0 and ≤ 180."""
+    """Maximum random deviation of the yaw, pitch and roll of each fillet from `yaw_deg`, `pitch_deg` and `roll_deg`.
+    The random numbers depend on `/seed`. Unit: °. Source: assumed. Default: 0.0. Range: ≥ 0 and ≤ 180."""
     speed_m_s: float
     """Downward speed of the fillets when they reach the plate. A free fall of 0.2 m gives 2 m/s. Unit: m/s. Source:
     Fig. 11. Default: 2.0. Range: ≥ 0 and ≤ 30."""
@@ -824,7 +844,7 @@ class Bend(TypedDict, total=False):
 
 
 class Slide(TypedDict, total=False):
-    """A fillet lies on a plate, which is tilted until the fillet slides."""
+    """A fillet lies on a plate. The plate tilts until the fillet slides."""
 
     max_tilt_deg: float
     """Maximum tilt of the plate. Unit: °. Source: assumed. Default: 60.0. Range: ≥ 1 and ≤ 89."""
@@ -835,16 +855,16 @@ class Slide(TypedDict, total=False):
     """Angular speed at which the plate is tilted. Above 6 °/s, the error of the measured angle grows. Unit: °/s.
     Source: section 2.3.2. Default: 3.0. Range: ≥ 0.1 and ≤ 30."""
     yaw_deg: float
-    """Direction of the fillet on the plate. At 0° its length points up the slope. Unit: °. Source: assumed. Default:
-    0.0. Range: ≥ -180 and ≤ 180."""
+    """Direction of the fillet on the plate. At 0°, the length of the fillet points up the slope. Unit: °. Source:
+    assumed. Default: 0.0. Range: ≥ -180 and ≤ 180."""
 
 
 class Compress(TypedDict, total=False):
     """Two plates compress a block of tissue."""
 
     lattice: Sequence[int]
-    """Numbers of sub-particles of the block along x, y and z. With a radius of 1.75 mm, 10 × 10 × 3 sub-particles are
-    35 × 35 × 10.5 mm. Source: section 2.3.2. Default: [10, 10, 3]."""
+    """Numbers of sub-particles of the block along x, y and z. With a radius of 1.75 mm, a block of 10 × 10 × 3
+    sub-particles measures 35 × 35 × 10.5 mm. Source: section 2.3.2. Default: [10, 10, 3]."""
     max_strain: float
     """Strain at which the test ends. The strain counts from the moment at which the stress becomes positive. Source:
     Fig. 6. Default: 0.06. Range: > 0 and ≤ 0.5."""
@@ -858,21 +878,21 @@ class Compress(TypedDict, total=False):
     """Kind of the plates. `rough`: plates with the friction of the equipment. `frictionless`: plates without friction.
     Source: assumed. Default: "rough"."""
     strain_rate_1_s: float
-    """Strain rate. The paper compresses 10 mm at 1 mm/min, a strain rate of 0.0017 1/s. Unit: 1/s. Source: assumed.
-    Default: 0.05. Range: > 0 and ≤ 10."""
+    """Strain rate. The paper compresses a block of 10 mm height at 1 mm/min. This speed is a strain rate of 0.0017 1/s.
+    Unit: 1/s. Source: assumed. Default: 0.05. Range: > 0 and ≤ 10."""
 
 
 class Scene(TypedDict, total=False):
     """This section places bodies and surfaces."""
 
     bodies: Sequence[SceneBodiesItem]
-    """This list has the fillets, with their shape, place, orientation and velocity."""
+    """This list has the bodies, with their shape, position, orientation and velocity."""
     gravity_direction: Sequence[float]
     """Direction of gravity, as a vector. Its length does not matter, because `/numerics/gravity_m_s2` is the
     acceleration. Source: assumed. Default: [0.0, 0.0, -1.0]."""
     margin_m: float
-    """Distance from the bounding box of the scene at the start. A sub-particle that is farther outside leaves the
-    simulation. Unit: m. Source: numerics. Default: 0.5. Range: > 0 and ≤ 10."""
+    """Distance from the bounding box of the scene at the start. A sub-particle that is farther outside this box leaves
+    the simulation. Unit: m. Source: numerics. Default: 0.5. Range: > 0 and ≤ 10."""
     surfaces: Sequence[SceneSurfacesItem]
     """This list has the surfaces. The triangles of a surface move together."""
 
@@ -885,15 +905,15 @@ class HopperScenario(TypedDict, total=False):
     contact: HopperContact
     """This section describes the contacts of sub-particles with each other and with the equipment."""
     equipment: HopperEquipment
-    """This section describes hopper, gate and belt. The dimensions of Fig. 5 are derived from other numbers of the
-    paper."""
+    """This section describes the hopper, the gate and the belt. The dimensions of Fig. 5 are derived from other numbers
+    of the paper."""
     experiment: Required[Literal["hopper"]]
     """Kind of simulation. `hopper`: the discharge of a hopper (section 2.4). `drop`, `bend`, `slide`, `compress`: the
     paper's small tests (section 2.3). `scene`: bodies and surfaces that you place. Source: section 2."""
     material: Material
     """This section has the elastic constants of the tissue."""
     numerics: HopperNumerics
-    """This section sets time step, duration, sampling and stopping."""
+    """This section sets the time step, the duration, the sampling and the end of a simulation."""
     product: HopperProduct
     """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
     schema: Literal["roost.scenario/2"]
@@ -919,7 +939,7 @@ class DropScenario(TypedDict, total=False):
     material: Material
     """This section has the elastic constants of the tissue."""
     numerics: DropNumerics
-    """This section sets time step, duration, sampling and stopping."""
+    """This section sets the time step, the duration, the sampling and the end of a simulation."""
     product: DropProduct
     """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
     schema: Literal["roost.scenario/2"]
@@ -945,7 +965,7 @@ class BendScenario(TypedDict, total=False):
     material: Material
     """This section has the elastic constants of the tissue."""
     numerics: BendNumerics
-    """This section sets time step, duration, sampling and stopping."""
+    """This section sets the time step, the duration, the sampling and the end of a simulation."""
     product: BendProduct
     """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
     schema: Literal["roost.scenario/2"]
@@ -969,7 +989,7 @@ class SlideScenario(TypedDict, total=False):
     material: Material
     """This section has the elastic constants of the tissue."""
     numerics: SlideNumerics
-    """This section sets time step, duration, sampling and stopping."""
+    """This section sets the time step, the duration, the sampling and the end of a simulation."""
     product: SlideProduct
     """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
     schema: Literal["roost.scenario/2"]
@@ -979,7 +999,7 @@ class SlideScenario(TypedDict, total=False):
     """Seed of all random numbers. Another seed gives other random positions and angles. Source: numerics. Default: 1.
     Range: ≥ 0 and ≤ 9007199254740991."""
     slide: Slide
-    """A fillet lies on a plate, which is tilted until the fillet slides."""
+    """A fillet lies on a plate. The plate tilts until the fillet slides."""
 
 
 class CompressScenario(TypedDict, total=False):
@@ -997,7 +1017,7 @@ class CompressScenario(TypedDict, total=False):
     material: Material
     """This section has the elastic constants of the tissue."""
     numerics: CompressNumerics
-    """This section sets time step, duration, sampling and stopping."""
+    """This section sets the time step, the duration, the sampling and the end of a simulation."""
     product: CompressProduct
     """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
     schema: Literal["roost.scenario/2"]
@@ -1021,7 +1041,7 @@ class SceneScenario(TypedDict, total=False):
     material: Material
     """This section has the elastic constants of the tissue."""
     numerics: SceneNumerics
-    """This section sets time step, duration, sampling and stopping."""
+    """This section sets the time step, the duration, the sampling and the end of a simulation."""
     product: SceneProduct
     """This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."""
     scene: Scene

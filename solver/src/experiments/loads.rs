@@ -22,13 +22,15 @@ pub(super) const LOADS: [SeriesRow; 6] = [
     series("force_<name>_x", "N",
         "Force along x on the surface of this name, at the time of the sample. For example: the weight of bodies on the surface, or \
          the friction of bodies on a belt."),
-    series("force_<name>_y", "N", "The same along y."),
-    series("force_<name>_z", "N", "The same along z."),
+    series("force_<name>_y", "N", "Force along y on the surface of this name, at the time of the sample."),
+    series("force_<name>_z", "N", "Force along z on the surface of this name, at the time of the sample."),
     series("torque_<name>_x", "N·m",
         "Torque about x on the surface of this name. The axis passes through the pivot if the surface is `moving` and turns, \
          otherwise through the origin."),
-    series("torque_<name>_y", "N·m", "The same about y."),
-    series("torque_<name>_z", "N·m", "The same about z."),
+    series("torque_<name>_y", "N·m",
+        "Torque about y on the surface of this name. The axis passes through the same point as the axis of `torque_<name>_x`."),
+    series("torque_<name>_z", "N·m",
+        "Torque about z on the surface of this name. The axis passes through the same point as the axis of `torque_<name>_x`."),
 ];
 
 /// Axes of forces, torques and positions.

@@ -158,22 +158,22 @@ pub(super) const BONDS_INTACT_FRACTION: Response = number(
 pub(super) const MAX_OVERLAP_RATIO: Response = number(
     "max_overlap_ratio",
     "",
-    "Maximum overlap of two sub-particles without a bond, divided by R, at any time. It can exceed 1 while fillets drop onto each \
-     other.",
+    "Maximum overlap of two sub-particles without a bond, divided by R, at any time. This ratio can exceed 1 while fillets drop onto \
+     each other.",
 );
 pub(super) const KINETIC_ENERGY_END_J: Response =
     number("kinetic_energy_end_j", "J", "Kinetic energy of all bodies at the end.");
 pub(super) const ESCAPED_KG: Response = number(
     "escaped_kg",
     "kg",
-    "Mass that left the simulated space by accident, such as fragments, or fillets that fell beside the equipment. It is 0 in a \
-     correct simulation.",
+    "Mass that left the simulated space by accident, such as fragments, or fillets that fell beside the equipment. This mass is 0 in \
+     a correct simulation.",
 );
 pub(super) const PASSED_THROUGH: Response = number(
     "passed_through",
     "",
-    "Number of times that a sub-particle passed through a surface to its other side. Passages round an edge do not count. The number \
-     is 0 in a correct simulation.",
+    "Number of times that a sub-particle passed through a surface to its other side. Passages around an edge do not count. The \
+     number is 0 in a correct simulation.",
 );
 pub(super) const KINETIC_ENERGY: SeriesRow = SeriesRow {
     clock: Clock::Simulated,

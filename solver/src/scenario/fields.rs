@@ -26,7 +26,11 @@ const PHYSICS: &[Section] = &[
 ];
 
 const NUMERICS: &[Section] = &[
-    section("/numerics", None, "This section sets time step, duration, sampling and stopping."),
+    section(
+        "/numerics",
+        None,
+        "This section sets the time step, the duration, the sampling and the end of a simulation.",
+    ),
     section("/numerics/stop", None, "These conditions end a simulation before its duration is over."),
 ];
 

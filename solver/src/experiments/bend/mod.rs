@@ -24,13 +24,13 @@ const SINKING_M_S: f64 = 0.1;
 #[rustfmt::skip]
 const RESPONSES: &[Response] = &[
     number("bend_angle_deg", "°",
-        "Mean bend angle after the fillet came to rest, or over the last second if the fillet still swings. If the fillet fell off or \
-         tore: the maximum before this event.").headline(),
+        "Mean bend angle after the fillet came to rest, or over the last second if the fillet still swings. If the fillet fell off \
+         or tore, the response is the maximum bend angle before this event.").headline(),
     number("tip_deflection_m", "m",
         "Distance by which the last layer of sub-particles at the tail sank, as a mean over the same time as `bend_angle_deg`. Null \
          if the support is not `clamped`.").headline(),
     number("time_to_rest_s", "s",
-        "Time at which the fillet came to rest. Null if it did not come to rest, or if the support is a conveyor.").headline(),
+        "Time at which the fillet came to rest. Null if the fillet did not come to rest, or if the support is `off_ledge`.").headline(),
     number("bend_swing_deg", "°",
         "Swing of the fillet: half the range of the bend angle, over the same time as the mean in `bend_angle_deg`. Null if the \
          fillet fell off or tore."),

@@ -36,15 +36,15 @@ const MARGIN_M: f64 = 0.1;
 const RESPONSES: &[Response] = &[
     number("modulus_pa", "Pa",
         "Modulus: the slope of a straight line through stress over strain, from `modulus_from_strain` to `modulus_to_strain`. The \
-         strain is that between the plates. Null if fewer than three samples are in this range.").headline(),
+         strain is the strain between the plates. Null if fewer than three samples are in this strain range.").headline(),
     number("modulus_lattice_pa", "Pa",
         "Modulus as in `modulus_pa`, but with the strain between the centres of the block's outermost layers. An extensometer \
          measures this strain. Null for a block of one layer.").headline(),
     number("stress_at_end_pa", "Pa", "Stress at the end."),
     number("largest_strain", "", "Strain between the plates at the end."),
     number("plate_imbalance_fraction", "",
-        "Maximum difference of the forces on the two plates, divided by the maximum force. It is small if the compression was slow \
-         enough."),
+        "Maximum difference of the forces on the two plates, divided by the maximum force. This value is small if the compression \
+         was slow enough."),
     BONDS_INTACT_FRACTION,
     WARNING_COUNT,
     WARNING_CODES,

@@ -33,7 +33,7 @@ const RESPONSES: &[Response] = &[
     number("settle_time_s", "s",
         "Mean settle time of all fillets: the time from first contact until a fillet has settled. Null if some fillets have not \
          settled.").headline(),
-    number("lowest_bonds_intact_fraction", "", "Share of unbroken bonds of the fillet with the most broken bonds.").headline(),
+    number("lowest_bonds_intact_fraction", "", "Share of unbroken bonds in the fillet with the lowest share.").headline(),
     number("longest_settle_time_s", "s", "Maximum settle time of all fillets. Null if some fillets have not settled."),
     number("settled_fraction", "", "Share of the fillets that have settled."),
     KINETIC_ENERGY_END_J,

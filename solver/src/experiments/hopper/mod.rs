@@ -38,12 +38,12 @@ const USUAL_SHARE: f64 = 0.6;
 const RESPONSES: &[Response] = &[
     word("regime",
         "Kind of discharge, from q = `lowest_rate_ratio`. `no_flow`: q below 0.15, and less than 95 % out. `inconsistent` (uneven): \
-         other q below 0.55. `constant`: q of 0.55 and more. `outrun`: the belt at its capacity would empty the hopper within 0.5 s, \
-         so q has no meaning. `too_short`: less than 4 s were simulated, and the hopper neither emptied nor jammed. Null without a \
-         belt capacity.").headline(),
+         any other q below 0.55. `constant`: q of 0.55 and more. `outrun`: the belt at its capacity would empty the hopper within \
+         0.5 s, so q has no meaning. `too_short`: less than 4 s were simulated, and the hopper neither emptied nor jammed. Null \
+         without a belt capacity.").headline(),
     number("effective_throughput_kg_s", "kg/s",
-        "95 % of the filled mass, divided by the time until this mass was out. Null if less than 95 % came out. The paper gives 7.6 \
-         kg/s without a definition, so this definition is an assumption.").headline(),
+        "95 % of the filled mass, divided by the time until this mass was out. Null if less than 95 % of the filled mass came out. \
+         The paper gives 7.6 kg/s without a definition, so the definition of this response is an assumption.").headline(),
     number("mean_rate_kg_s", "kg/s", "Mean rate from 0.5 s until 80 % of the filled mass is out. The first 0.5 s do not count, \
                                       because fillets spill out when the shutter opens.").headline(),
     indicator("jammed",
@@ -51,29 +51,31 @@ const RESPONSES: &[Response] = &[
          the filled mass was inside. A jam counts even if the flow starts again later. Null if the simulation was shorter than this \
          time and the hopper did not empty.").headline(),
     number("time_to_jam_s", "s",
-        "Time of the last passage before the first jam; 0 if nothing had passed. Null without a jam, so the mean over replicates is \
-         the mean of the jammed runs only."),
-    number("discharged_kg", "kg", "Mass that has passed the gate plane at the end.").headline(),
+        "Time of the last passage of mass through the gate plane before the first jam. The time is 0 if nothing passed before the \
+         jam. Null without a jam. The mean over replicates is therefore a mean over the jammed runs only."),
+    number("discharged_kg", "kg", "Mass that has passed the gate plane by the end of the simulation.").headline(),
     number("discharged_kg_at_4s", "kg",
-        "Mass that has passed the gate plane at 4 s. If the hopper emptied or jammed earlier and the simulation ended: the mass at \
-         the end of the simulation.").headline(),
-    number("time_to_95_percent_s", "s", "Time at which 95 % of the filled mass was out; null if less came out.").headline(),
+        "Mass that has passed the gate plane by t = 4 s. If the simulation ended earlier with an empty or jammed hopper, the \
+         response is the mass at the end of the simulation.").headline(),
+    number("time_to_95_percent_s", "s", "Time at which 95 % of the filled mass was out; null if less than 95 % came out.").headline(),
     number("time_to_99_percent_s", "s", "Time at which 99 % of the filled mass was out. This time depends on the last few fillets, so \
                                          it varies a lot."),
     number("loaded_kg", "kg", "Mass of all fillets of the scenario."),
     number("filled_kg", "kg", "Mass in the hopper when the belt starts."),
     number("fill_duration_s", "s", "Simulated time from the drop of the fillets until they are at rest in the hopper."),
     number("bulk_density_kg_m3", "kg/m³",
-        "Filled mass divided by the volume of the bed, which is hopper area times bed height. On 95 % of the floor area, the bed is \
-         at most as high as the bed height. Soft fillets overlap, so the bulk density can exceed the density of a fillet."),
+        "Filled mass divided by the volume of the bed. This volume is the hopper area times the bed height. The bed height is the \
+         height that the bed does not exceed on 95 % of the floor area. Soft fillets overlap, so the bulk density can exceed the \
+         density of a fillet."),
     number("interpenetrated_fraction", "",
         "Share of the sub-particles that lie inside another fillet when the belt starts. A sub-particle lies inside a fillet if its \
          centre is in a cubic cell of the fillet's lattice."),
     number("peak_rate_kg_s", "kg/s",
-        "Maximum of the 1 s running mean of the rate. The series `mass_rate` is a mean over 0.25 s, so its maximum is higher."),
+        "Maximum of the 1 s running mean of the rate. The maximum of the series `mass_rate` is higher, because this series is a mean \
+         over 0.25 s."),
     number("rate_variation", "",
-        "Standard deviation of the 1 s running mean of the rate, divided by its mean. Both are taken from 0.5 s until 80 % of the \
-         filled mass is out."),
+        "Standard deviation of the 1 s running mean of the rate, divided by the mean of this running mean. Both values refer to the \
+         time from 0.5 s until 80 % of the filled mass is out."),
     boolean("steady", "Whether `rate_variation` is under 0.2."),
     number("longest_stoppage_s", "s",
         "Longest time during which the rate (mean over 0.25 s) stays below 0.15 × `belt_capacity_kg_s`, before 80 % of the filled \
@@ -88,13 +90,14 @@ const RESPONSES: &[Response] = &[
     number("linearity_until_s", "s", "Time at which the straight line of `linearity_r2` ends: 4 s, or earlier if 80 % of the filled \
                                       mass was out or the simulation ended."),
     number("greatest_height_m", "m",
-        "Height of the highest fillet that is in the hopper at the end. A fillet that hangs on a wall also counts."),
+        "Height of the top of the highest sub-particle that is in the hopper at the end, measured from the plane z = 0. A fillet \
+         that hangs on a wall also counts."),
     number("residence_mean_s", "s",
-        "Mean residence time of the fillets that left. The residence time runs from t = 0, or from a later entry, until the centre of \
-         mass passes the gate plane.").headline(),
+        "Mean residence time of the fillets that left. The residence time runs from t = 0 until the centre of mass passes the gate \
+         plane. For a fillet of the feed, the residence time starts when the fillet enters.").headline(),
     number("residence_5_percent_s", "s",
-        "Residence time that 5 % of the fillets do not exceed, by the estimator of Kaplan and Meier. For this estimator, fillets \
-         still inside have a residence time longer than their time so far."),
+        "Residence time that 5 % of the fillets do not exceed, by the estimator of Kaplan and Meier. The estimator also counts a \
+         fillet that is still inside: its residence time is longer than its time in the hopper so far."),
     number("residence_median_s", "s", "Residence time that 50 % of the fillets do not exceed; null if the curve `residence_share` \
                                        ends below 50 %."),
     number("residence_95_percent_s", "s", "Residence time that 95 % of the fillets do not exceed; null if the curve `residence_share` \
@@ -102,26 +105,26 @@ const RESPONSES: &[Response] = &[
     number("fillets_remaining", "", "Number of fillets in the hopper at the end: their centre of mass has not passed the gate plane."),
     number("curl_angle_deg", "°",
         "Mean bend angle of the fillets within 0.2 m past the gate, over all samples until 80 % of the filled mass is out. The bend \
-         angle is the angle between the directions of the two ends. It is 0° for a flat fillet, and 180° for a fillet that is folded \
-         double."),
+         angle is the angle between the directions of the two ends. The bend angle is 0° for a flat fillet, and 180° for a fillet \
+         that is folded double."),
     number("largest_curl_angle_deg", "°", "Maximum bend angle of the fillets that count for `curl_angle_deg`."),
     number("fed_kg", "kg", "Mass that the feed has brought in. This mass is less than `feed_kg_s` × time if fillets found no free \
                             place above the hopper. The result then has the warning `feed_short`."),
     number("inside_kg", "kg", "Mass in the hopper at the end: the mass that has not passed the gate."),
     number("steady_rate_kg_s", "kg/s",
-        "Mean rate in the second half of the time from t = 0 on, for a hopper with a feed. Null without a feed, or if nothing was \
-         simulated after t = 0."),
+        "Mean rate in the second half of the time from t = 0 to the end, for a hopper with a feed. Null without a feed, or if \
+         nothing was simulated after t = 0."),
     BONDS_INTACT_FRACTION,
     KINETIC_ENERGY_END_J,
     MAX_OVERLAP_RATIO,
     ESCAPED_KG,
     PASSED_THROUGH,
     number("mean_belt_power_w", "W", "Mean of the series `belt_power` until 80 % of the filled mass is out. With a feed: mean over \
-                                      the second half of the time from t = 0 on."),
+                                      the second half of the time from t = 0 to the end."),
     number("max_belt_power_w", "W", "Maximum of the series `belt_power`."),
     number("mean_gate_force_n", "N",
         "Mean force on the surface named `gate` until 80 % of the filled mass is out. With a feed: mean over the second half of the \
-         time from t = 0 on. Null without a surface of this name."),
+         time from t = 0 to the end. Null without a surface of this name."),
     number("max_gate_force_n", "N", "Maximum force on the surface named `gate`, over all samples."),
     WARNING_COUNT,
     WARNING_CODES,
@@ -131,21 +134,22 @@ const DISCHARGED_MASS: SeriesRow =
     series("discharged_mass", "kg", "Mass that has passed the gate plane.").headline();
 #[rustfmt::skip]
 const MASS_RATE: SeriesRow = series("mass_rate", "kg/s",
-    "Rate, as a mean over the 0.25 s around each sample. At the first and last samples this time is shorter.").headline();
+    "Rate, as a mean over a window of 0.25 s around each sample. At the first and last samples, this window is shorter.").headline();
 
 const INSIDE_MASS: SeriesRow =
     series("inside_mass", "kg", "Mass in the hopper: the mass that has not passed the gate.");
 
 #[rustfmt::skip]
 const BELT_POWER: SeriesRow = series("belt_power", "W",
-    "Power of all belts at the time of the sample: friction force times belt speed. It is positive when the belt drives the fillets.");
+    "Power of all belts at the time of the sample: friction force times belt speed. The power is positive when the belt drives the \
+     fillets.");
 
 const RESIDENCE_SHARE: CurveRow = curve(
     "residence_share",
     "1",
     ("residence_time", "s"),
-    "Share of the fillets that had left after this residence time, by the estimator of Kaplan and Meier. The curve ends below 1 if \
-     fillets that are still inside have the longest times.",
+    "Share of the fillets with at most this residence time, by the estimator of Kaplan and Meier. The curve ends below 1 if the \
+     fillets with the longest times are still inside.",
 );
 
 pub(super) const OUTPUTS: Outputs = Outputs {

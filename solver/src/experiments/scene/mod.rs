@@ -50,16 +50,16 @@ const RESPONSES: &[Response] = &[
 const MASS: SeriesRow = series("mass", "kg", "Mass of all bodies that have not left the simulation.");
 #[rustfmt::skip]
 const POWER: SeriesRow = series("power", "W",
-    "Power of all belts and moving surfaces at the time of the sample: their work per second on the bodies. For a belt, it is the \
-     friction force times the belt speed.");
+    "Power of all belts and moving surfaces at the time of the sample: their work per second on the bodies. For a belt, the power is \
+     the friction force times the belt speed.");
 
 const OVER: (&str, &str) = ("body", "1");
 #[rustfmt::skip]
 const POSITIONS: [CurveRow; 3] = [
-    curve("position_x", "m", OVER, "Position along x of the centre of mass of each body at the end. Bodies are numbered from 0. \
-                                    Bodies that left are missing."),
-    curve("position_y", "m", OVER, "The same along y."),
-    curve("position_z", "m", OVER, "The same along z."),
+    curve("position_x", "m", OVER, "Position along x of the centre of mass of each body at the end. Bodies are numbered from 0. The \
+                                    curve omits bodies that left the simulation."),
+    curve("position_y", "m", OVER, "Position along y of the centre of mass of each body at the end."),
+    curve("position_z", "m", OVER, "Position along z of the centre of mass of each body at the end."),
 ];
 
 #[rustfmt::skip]

@@ -52,14 +52,14 @@ const STRENGTH: Range = above_to(0.0, 1e300);
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     choice("/bonds/formulation", &["corotated", "as_published", "finite_extension"], "eq. 6",
         "Rule for the bond force. `corotated`: the force turns with the bond. `as_published`: the force keeps its direction. \
-         `finite_extension`: as `corotated`, and the bond becomes stiffer before it breaks."),
+         `finite_extension`: as `corotated`, but the bond becomes stiffer before it breaks."),
     integer("/bonds/types", 2, from_to(1.0, 2.0), "section 2.2",
-        "Number of types of sub-particles (Fig. 2). 2: bonds only along the edges of the lattice. 1: also bonds along diagonals that \
-         are shorter than twice the contact radius."),
+        "Number of types of sub-particles (Fig. 2). 2: bonds only along the edges of the lattice. 1: bonds along the edges, and \
+         along the diagonals that are shorter than twice the contact radius."),
     number("/bonds/normal_stiffness_n_m3", "N/m³", 1e6, above_to(0.0, 1e12), "Table 2",
-        "Stiffness S_n of a bond along its length, per unit area."),
+        "Stiffness S_n of a bond along its length, per cross-section area of the bond."),
     number("/bonds/shear_stiffness_n_m3", "N/m³", 6e5, from_to(0.0, 1e12), "Table 2",
-        "Stiffness S_t of a bond across its length (shear), per unit area."),
+        "Stiffness S_t of a bond across its length (shear), per cross-section area of the bond."),
     field("/bonds/reference_radius_m", FieldKind::Nullable(from_to(5e-4, 0.05)), "m", Preset::Number(0.004), "section 2.2",
         "Radius R_ref of the sub-particles for which S_n and S_t are given. At another radius R, Roost multiplies S_n and S_t by \
          R_ref / R, so that the lattice keeps its modulus. Null: Roost uses S_n and S_t unchanged at every radius."),
@@ -73,9 +73,10 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
          is S_n I and the twisting stiffness is S_t J, as for the parallel bond of Potyondy and Cundall 2004. I and J are the second \
          moments of area of the bond's cross-section, for bending and twisting."),
     flag("/bonds/contact_between_bonded", true, "assumed",
-        "Whether two neighbours with a bond also have a contact force, as in the commercial software that the paper used."),
+        "Whether a contact force also acts between two sub-particles that a bond joins. The commercial software that the paper used \
+         computes this force."),
     nullable("/bonds/normal_strength_pa", "Pa", STRENGTH, "Table 2 has 1e300",
-        "Stress along a bond at which the bond breaks. Null: no stress along the bond breaks it."),
+        "Stress along a bond at which the bond breaks. Null: stress along the bond never breaks the bond."),
     nullable("/bonds/shear_strength_pa", "Pa", STRENGTH, "Table 2 has 1e300",
-        "Shear stress at which a bond breaks. Null: no shear stress breaks the bond."),
+        "Shear stress at which a bond breaks. Null: shear stress never breaks the bond."),
 ];

@@ -38,10 +38,10 @@ pub enum Plates {
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     field("/compress/lattice", FieldKind::Counts(from_to(1.0, 200.0)), "", Preset::Counts([10, 10, 3]), "section 2.3.2",
-        "Numbers of sub-particles of the block along x, y and z. With a radius of 1.75 mm, 10 × 10 × 3 sub-particles are 35 × 35 × \
-         10.5 mm."),
+        "Numbers of sub-particles of the block along x, y and z. With a radius of 1.75 mm, a block of 10 × 10 × 3 sub-particles \
+         measures 35 × 35 × 10.5 mm."),
     number("/compress/strain_rate_1_s", "1/s", 0.05, above_to(0.0, 10.0), "assumed",
-        "Strain rate. The paper compresses 10 mm at 1 mm/min, a strain rate of 0.0017 1/s."),
+        "Strain rate. The paper compresses a block of 10 mm height at 1 mm/min. This speed is a strain rate of 0.0017 1/s."),
     number("/compress/max_strain", "", 0.06, above_to(0.0, 0.5), "Fig. 6",
         "Strain at which the test ends. The strain counts from the moment at which the stress becomes positive."),
     number("/compress/modulus_from_strain", "", 0.0, from_to(0.0, 0.5), "section 3.1",

@@ -56,9 +56,8 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "Surface of the fillets. `wet` changes two defaults: the surface energy between fillets and the friction on the belt. If you \
          write a value yourself, Roost uses your value."),
     nullable("/contact/surface_energy_radius_m", "m", above_to(0.0, 0.05), "assumed",
-        "Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ R/R₀. A \
-         surface then pulls with 3πγ/(4 R₀) per area at every R, as a liquid film does. Null: the energy is \
-         γ at every radius."),
+        "Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ R/R₀. The \
+         pull of a surface is then 3πγ/(4 R₀) per area at every R, as for a liquid film. Null: the energy is γ at every radius."),
     number("/contact/fillet_fillet/static_friction", "", 0.1, FRICTION, "Table 2",
         "Coulomb coefficient of friction between fillets."),
     number("/contact/fillet_fillet/restitution", "", 1e-4, RESTITUTION, "Table 2",
@@ -67,11 +66,12 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "Surface energy γ between fillets. Wet: the surface tension of water at 20 °C (assumed).")
         .wet(0.0728),
     number("/contact/fillet_fillet_radius_ratio", "", 1.0, RADIUS_RATIO, "assumed",
-        "Radius of a sub-particle in contacts with other fillets, divided by `/product/subparticle_radius_m`. At 1, a sub-particle of \
-         one fillet can slip between the sub-particles of another fillet. At 1.225, a sub-particle is too large to slip through.")
+        "Radius of a sub-particle in contacts with other fillets, divided by `/product/subparticle_radius_m`. With the value 1, a \
+         sub-particle of one fillet can slip between the sub-particles of another fillet. With the value 1.225, a sub-particle is \
+         too large to slip through.")
         .by_name(),
     number("/contact/fillet_equipment/static_friction", "", 0.5, FRICTION, "Table 2",
-        "Coulomb coefficient of friction on walls, gates and plates. Wet fillets have the same value (Fig. 8b)."),
+        "Coulomb coefficient of friction on walls, gates and plates. The coefficient is equal for dry and wet fillets (Fig. 8b)."),
     same_as("/contact/fillet_fillet/restitution",
         "/contact/fillet_equipment/restitution", "", RESTITUTION, "Table 2",
         "Coefficient of restitution on walls, gates and plates."),
@@ -79,8 +79,8 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "/contact/fillet_equipment/surface_energy_j_m2", "J/m²", SURFACE_ENERGY, "Table 2",
         "Surface energy γ on walls, gates and plates."),
     number("/contact/fillet_belt/static_friction", "", 0.5, FRICTION, "assumed",
-        "Coulomb coefficient of friction on the belt, which the paper did not measure. Dry: the value for a steel plate. Wet: a value \
-         so low that the belt slips under the fillets, as section 3.4 reports.")
+        "Coulomb coefficient of friction on the belt. The paper did not measure this coefficient. Dry: the value for a steel plate. \
+         Wet: a value so low that the belt slips under the fillets, as section 3.4 reports.")
         .wet(0.2),
     same_as("/contact/fillet_fillet/restitution",
         "/contact/fillet_belt/restitution", "", RESTITUTION, "assumed",

@@ -34,7 +34,8 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/drop/roll_deg", "°", 0.0, ANGLE, "Fig. 10",
         "Roll: rotation about the fillet's length, after the pitch. At 90° the fillet falls on its side."),
     number("/drop/scatter_deg", "°", 0.0, SCATTER, "assumed",
-        "Maximum random deviation of each fillet's yaw, pitch and roll. The random numbers depend on `/seed`."),
+        "Maximum random deviation of the yaw, pitch and roll of each fillet from `yaw_deg`, `pitch_deg` and `roll_deg`. The random \
+         numbers depend on `/seed`."),
 ];
 
 /// The experiment in documents.

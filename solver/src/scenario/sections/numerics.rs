@@ -84,11 +84,11 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "Time between two samples of the series."),
     number("/numerics/jam_after_s", "s", 1.0, TIME, "numerics",
         "A hopper has jammed when nothing passes the gate for this time, while at least 5 % of the filled mass is inside. If \
-         `when_jammed_s` is shorter, it replaces this time.")
+         `when_jammed_s` is shorter than this time, Roost uses `when_jammed_s` instead.")
         .acts_from_start()
         .by_name(),
     flag("/numerics/stop/when_empty", true, "numerics",
-        "Whether the simulation ends when every fillet has left.")
+        "Whether the simulation ends when every fillet has left the hopper or the scene.")
         .acts_from_start()
         .by_name(),
     nullable("/numerics/stop/when_jammed_s", "s", TIME, "numerics",
@@ -111,5 +111,5 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/numerics/speed_limit_m_s", "m/s", 30.0, from_to(1.0, 10_000.0), "numerics",
         "If a sub-particle is faster than this speed, the simulation ends as `unstable`."),
     flag("/numerics/allow_unstable", false, "numerics",
-        "Whether Roost accepts a time step above the stability limit, for studies of stability."),
+        "Whether Roost accepts a time step above the stability limit. Use the value true only to study stability."),
 ];

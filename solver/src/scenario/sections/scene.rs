@@ -41,7 +41,8 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     vector("/scene/gravity_direction", "", Preset::Vector([0.0, 0.0, -1.0]), from_to(-1.0, 1.0), "assumed",
         "Direction of gravity, as a vector. Its length does not matter, because `/numerics/gravity_m_s2` is the acceleration."),
     number("/scene/margin_m", "m", 0.5, above_to(0.0, 10.0), "numerics",
-        "Distance from the bounding box of the scene at the start. A sub-particle that is farther outside leaves the simulation."),
+        "Distance from the bounding box of the scene at the start. A sub-particle that is farther outside this box leaves the \
+         simulation."),
     integer("/scene/bodies/*/shape", 0, from_to(0.0, 63.0), "Fig. 1",
         "Shape of the body: 2 · (number of the size in `/product/sizes_m`, counted from 0), plus 1 for the mirror image."),
     vector("/scene/bodies/*/position_m", "m", Preset::Required, PLACE, "assumed",
@@ -60,7 +61,7 @@ pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     sections: &[
         section("/scene", Some("scene"), "This section places bodies and surfaces."),
         list("/scene/bodies", "/scene/bodies/*", MAX_BODIES, Some("scene"),
-            "This list has the fillets, with their shape, place, orientation and velocity."),
+            "This list has the bodies, with their shape, position, orientation and velocity."),
         list("/scene/surfaces", "/scene/surfaces/*", MAX_SURFACES, Some("scene"),
             "This list has the surfaces. The triangles of a surface move together."),
     ],

@@ -28,7 +28,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/slide/max_tilt_deg", "°", 60.0, from_to(1.0, 89.0), "assumed",
         "Maximum tilt of the plate."),
     number("/slide/yaw_deg", "°", 0.0, ANGLE, "assumed",
-        "Direction of the fillet on the plate. At 0° its length points up the slope."),
+        "Direction of the fillet on the plate. At 0°, the length of the fillet points up the slope."),
     number("/slide/scatter_deg", "°", 0.0, SCATTER, "assumed",
         "Maximum random deviation of the fillet's yaw. The random numbers depend on `/seed`."),
 ];
@@ -39,7 +39,7 @@ pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     name: "slide",
     question: "At which tilt does a fillet slide off a plate?",
     sections: &[
-        section("/slide", Some("slide"), "A fillet lies on a plate, which is tilted until the fillet slides."),
+        section("/slide", Some("slide"), "A fillet lies on a plate. The plate tilts until the fillet slides."),
     ],
     fields: FIELDS,
     takes: &[

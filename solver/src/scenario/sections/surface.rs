@@ -94,7 +94,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     field("/scene/surfaces/*/plate_m", FieldKind::Plate(PLACE), "m", Preset::Null, "assumed",
         "A flat parallelogram: a corner, and two edges as vectors from this corner."),
     choice("/scene/surfaces/*/kind", &["equipment", "belt", "frictionless"], "Table 2",
-        "Contact parameters of the surface. `equipment`: those of `/contact/fillet_equipment`. `belt`: those of \
+        "Contact parameters of the surface. `equipment`: the parameters of `/contact/fillet_equipment`. `belt`: the parameters of \
          `/contact/fillet_belt`. `frictionless`: as `equipment`, but without friction."),
     nullable("/scene/surfaces/*/static_friction", "", FRICTION, "assumed",
         "Coulomb coefficient of friction of this surface. Null: the coefficient of its `kind`."),
