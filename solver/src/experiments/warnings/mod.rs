@@ -59,7 +59,7 @@ const SOFT_TISSUE: WarningKind = kind(
 );
 const SLOW_BELT: WarningKind = kind(
     "slow_belt",
-    "The belt moves less than three diameters of a sub-particle within `/numerics/jam_after_s`, or within a shorter \
+    "The belt moves less than three diameters of a sub-particle within the shorter of two times: `/numerics/jam_after_s` and \
      `/numerics/stop/when_jammed_s`. Steady flow may then count as a jam.",
     "Raise /numerics/jam_after_s. Also raise /numerics/stop/when_jammed_s if it is shorter.",
 );
@@ -71,7 +71,7 @@ const ESCAPED_MASS: WarningKind = kind(
 );
 const PASSED_THROUGH: WarningKind = kind(
     "passed_through",
-    "`passed_through` is above 0: sub-particles came through a surface.",
+    "`passed_through` is above 0: sub-particles went through a surface.",
     "Reduce the speed of the impact, raise /material/youngs_modulus_pa, or make the surface larger than the bodies that strike it.",
 );
 const BROKEN_BONDS: WarningKind = kind(
@@ -116,7 +116,7 @@ pub(super) const NO_REGIME: WarningKind = kind(
 pub(super) const FEED_SHORT: WarningKind = kind(
     "feed_short",
     "The fed mass `fed_kg` is too small, because fillets found no free place over the hopper. The missing mass is more than 1 % of \
-     the mass that `feed_kg_s` demands, and more than one fillet.",
+     the mass that `feed_kg_s` demands, and more than the mass of one fillet.",
     "Reduce /equipment/feed_kg_s or /numerics/output_interval_s, or raise the rate at which the belt carries mass away.",
 );
 
