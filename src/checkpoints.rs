@@ -39,7 +39,7 @@ pub(crate) struct CheckpointArgs {
     /// roost/fills in the user's cache folder]
     #[arg(long, value_name = "DIR", env = "ROOST_FILLS")]
     fills: Option<OsString>,
-    /// Fill the hopper in this run, and do not keep the filled state
+    /// Fill the hopper in this run: use no filled state, and store no filled state
     #[arg(long)]
     no_shared_fill: bool,
 }

@@ -7,7 +7,7 @@ use roost_terminal::{Exit, print_lines};
 
 /// Print a completion script for a shell
 ///
-/// For bash, run `source <(roost completions bash)`. Add this line to ~/.bashrc to have completion in every shell.
+/// For bash, run `source <(roost completions bash)`. To have completion in every shell, add this line to ~/.bashrc.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Name of the shell

@@ -11,16 +11,16 @@ use crate::database::Database;
 
 /// Copy the data of a server into a folder; the server may be running
 ///
-/// The copy is consistent and has been checked. Jobs that run during the backup run again after a restore.
+/// The copy is consistent, and the command checks the copy. Jobs that run during the backup run again after a restore.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Backup {
-    /// Folder for the copy; must not have a backup yet
+    /// Folder for the copy; this folder must not have a backup yet
     folder: PathBuf,
     #[command(flatten)]
     common: Common,
 }
 
-/// Restore a backup into a data folder without a database
+/// Restore a backup into a data folder that has no database
 #[derive(Debug, clap::Args)]
 pub(crate) struct Restore {
     /// Folder of the backup

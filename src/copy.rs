@@ -11,8 +11,8 @@ use crate::copies;
 
 /// Copy the database of a stopped server to PostgreSQL, or back
 ///
-/// A place is a data folder or the address of a PostgreSQL database. The target must be empty. Every table is compared after the copy. Objects
-/// (frames, checkpoints and filled states) stay where they are.
+/// The source and the target are each a data folder or the address of a PostgreSQL database. The target must be empty. After the
+/// copy, the command compares every table. Objects (frames, checkpoints and filled states) stay in their present place.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Data folder or database to read

@@ -10,8 +10,8 @@ use roost_server::Location;
 /// The option.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Database {
-    /// Database of PostgreSQL that keeps the queue instead of the data folder. Roost reads a password from the environment variable
-    /// PGPASSWORD, or from the file that PGPASSFILE names (~/.pgpass by default)
+    /// PostgreSQL database for the queue. Without this option, the queue is in the data folder. Roost reads the password from the
+    /// environment variable PGPASSWORD, or from the file that PGPASSFILE names (~/.pgpass by default)
     #[arg(
         long = "database",
         global = true,

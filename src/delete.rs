@@ -8,7 +8,7 @@ use uuid::Uuid;
 
 use crate::target;
 
-/// Delete a sweep with all its results; without --yes, only show what would be deleted
+/// Delete a sweep with all its results; without --yes, only show the numbers of its jobs and results
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep

@@ -7,17 +7,17 @@ use roost_worker::device::{BackendKind, Device, DeviceOptions};
 /// Options of the device that computes simulations.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct DeviceArgs {
-    /// Backend [default: a discrete GPU if there is one, else the CPU]
+    /// Backend [default: a discrete GPU if the machine has one, otherwise the CPU]
     #[arg(long, value_enum)]
     backend: Option<Backend>,
-    /// Graphics adapter to use: a part of its name, if there are several adapters
+    /// Part of the name of the graphics adapter to use, if the machine has several adapters
     #[arg(long, value_name = "NAME")]
     device: Option<String>,
-    /// Accept a GPU that software emulates. Use it only for tests, because the CPU backend is faster
+    /// Accept a GPU that software emulates. Use this option only for tests, because the CPU backend is faster
     #[arg(long)]
     allow_software: bool,
-    /// Maximum GPU memory of all jobs together, in MiB. With this option, a job that needs more memory is refused. Without this option, the
-    /// maximum is 4096 MiB, and a job that needs more memory runs alone
+    /// Maximum GPU memory of all jobs together, in MiB. With this option, the worker refuses a job that needs more memory. Without
+    /// this option, the maximum is 4096 MiB, and a job that needs more memory runs alone
     #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
     gpu_memory: Option<u32>,
 }

@@ -6,7 +6,7 @@ use roost_terminal::{Exit, message};
 
 use crate::target;
 
-/// Ask a worker to claim no more jobs, finish its running jobs, and exit
+/// Ask a worker to finish its running jobs, claim no new jobs, and exit
 ///
 /// `roost list --workers` shows the ids. The worker receives the request with its next heartbeat.
 #[derive(Debug, clap::Args)]

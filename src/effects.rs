@@ -13,9 +13,9 @@ use crate::target;
 
 /// Show the effect of each factor of a sweep on each response
 ///
-/// The effect is the change of the response from the minimum to the maximum of the factor, along a straight line through the results. ρ is
-/// Spearman's rank correlation, and p its p-value. The 95 % interval says how much the effect would change with other seeds. It uses only
-/// the seeds that all design points have.
+/// The effect is the change of the response from the minimum to the maximum of the factor, along a straight line through the
+/// results. ρ is Spearman's rank correlation, and p is the p-value of ρ. The 95 % interval states how much the effect would change
+/// with other seeds. Roost computes this interval only from the seeds that all design points have.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep

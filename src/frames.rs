@@ -27,8 +27,7 @@ pub(crate) struct FrameArgs {
     /// Files to write
     #[arg(long, requires = "frames", value_enum, default_value_t = Format::Both)]
     frame_format: Format,
-    /// Maximum size of all frames. The run is refused if the forecast size is larger. The recording stops if the real size reaches the
-    /// maximum
+    /// Maximum size of all frames. Roost refuses the run if the forecast size is larger. The recording stops if the real size reaches the maximum
     #[arg(long, requires = "frames", default_value_t = 2000, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     frame_limit_mb: u64,
 }

@@ -48,10 +48,10 @@ use clap::{CommandFactory, Parser, Subcommand};
 use roost_terminal::exit::is_broken_pipe;
 use roost_terminal::{Exit, message, message_lines};
 
-/// Distributed parameter sweeps of bonded-particle simulations of soft food.
+/// Simulate soft food as bonded particles, and run parameter sweeps on many machines.
 ///
-/// A scenario is a JSON document. A worker simulates it, and the server stores its result. Start with `roost demo`, or simulate
-/// one scenario on this machine with `roost run`.
+/// A scenario is a JSON document. A worker simulates the scenario, and the server stores the result. Start with `roost demo`, or
+/// simulate one scenario on this machine with `roost run`.
 #[derive(Debug, Parser)]
 #[command(version, propagate_version = true, after_help = exit::HELP)]
 struct Cli {

@@ -8,10 +8,10 @@ use serde_json::json;
 
 use crate::delete::DeleteArgs;
 
-/// Delete sweeps and single jobs that ended long ago; without --yes only show them
+/// Delete sweeps and single jobs that ended long ago; without --yes, only show these sweeps and jobs
 ///
-/// The command also deletes the results of these sweeps and jobs, and meshes of the same age that nothing uses any more. `roost serve
-/// --prune-after` does the same automatically.
+/// The command also deletes the results of these sweeps and jobs, and meshes of the same age that no job or sweep uses any more.
+/// `roost serve --prune-after` deletes these data automatically.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Minimum time since the end: a number of hours, days or weeks, such as 12h, 30d or 8w

@@ -26,18 +26,18 @@ pub(crate) struct Args {
     id: Uuid,
     #[command(flatten)]
     server: target::Server,
-    /// Format: a short table, or JSON, CSV, Parquet or a workbook of Excel (xlsx) with all responses
+    /// Format: a short table with the main responses; or JSON, CSV, Parquet or an Excel workbook (xlsx), each with all responses
     #[arg(long, value_enum, default_value_t = Format::Table)]
     format: Format,
     /// Rows of the table. `trial`: one row for each replicate of a design point. `point`: one row for each design point, with means and 95
     /// % intervals over its replicates
     #[arg(long, value_enum, default_value_t = By::Trial)]
     by: By,
-    /// Names of the columns of fields: JSON pointers, or short names. A short name has only the last parts of the pointer, as many as make it
-    /// unique [default: short for xlsx, else pointer]
+    /// Names of the columns of fields: JSON pointers, or short names. A short name has the last parts of the pointer, and only as
+    /// many parts as make the name unique [default: short for xlsx, otherwise pointer]
     #[arg(long, value_enum)]
     names: Option<Names>,
-    /// Add a second header line with the units, for csv
+    /// Add a second header line with the units (only for csv)
     #[arg(long)]
     units: bool,
     /// Write to this file instead of stdout

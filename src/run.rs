@@ -33,7 +33,7 @@ pub(crate) struct Args {
     /// Folder for the result
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// Threads to use; 0 means one per processor
+    /// Number of threads to use; 0 means one thread per processor
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads::value_parser())]
     threads: u16,
     #[command(flatten)]

@@ -27,7 +27,7 @@ pub(crate) struct ServerArgs {
     /// Address and port to listen on; port 0 takes any free port
     #[arg(long, default_value = "127.0.0.1:7373", value_name = "ADDR", value_parser = address)]
     listen: SocketAddr,
-    /// Host and port at which the other servers of a PostgreSQL database reach this server; by default, the address of `--listen`
+    /// Host and port at which other servers with the same PostgreSQL database reach this server; by default, the address of `--listen`
     #[arg(long, value_name = "HOST:PORT", value_parser = host_and_port)]
     advertise: Option<String>,
     /// Data folder
@@ -42,7 +42,7 @@ pub(crate) struct ServerArgs {
     /// Interval of the heartbeats of workers
     #[arg(long, default_value_t = 2.0, value_name = "SECONDS", value_parser = positive)]
     heartbeat_s: f64,
-    /// Duration of a lease: a job is queued again after this time without a heartbeat
+    /// Duration of a lease: without a heartbeat for this time, the server queues the job again
     #[arg(long, default_value_t = 15.0, value_name = "SECONDS", value_parser = positive)]
     lease_s: f64,
     /// Maximum number of sub-particles of a scenario
@@ -57,13 +57,14 @@ pub(crate) struct ServerArgs {
     /// Maximum size of a request body
     #[arg(long, default_value_t = ServerConfig::default().max_body_bytes, value_name = "BYTES")]
     max_body_bytes: usize,
-    /// Maximum size of the frames of one job; recording stops at the limit
+    /// Maximum size of the frames of one job; at this size, the recording of frames stops
     #[arg(long, default_value_t = ServerConfig::default().max_frames_bytes / 1_000_000, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     max_frames_mb: u64,
     /// Wall time between the checkpoints of a running job, such as 30s, 5m or 1h; 0 turns checkpoints off
     #[arg(long, default_value = "5m", value_name = "TIME", value_parser = interval)]
     checkpoint_interval: Duration,
-    /// Maximum size of a checkpoint. A larger checkpoint is not stored, and its job begins at zero after an interruption
+    /// Maximum size of a checkpoint. The server does not store a larger checkpoint; the job of this checkpoint then begins at zero
+    /// after an interruption
     #[arg(long, default_value_t = ServerConfig::default().max_checkpoint_bytes >> 20, value_name = "MIB", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     checkpoint_limit_mib: u64,
     /// Maximum size of all filled states together. A filled state is the start of all jobs with the same fill. Above the maximum, the
@@ -71,27 +72,30 @@ pub(crate) struct ServerArgs {
     /// shares fills only between its own jobs
     #[arg(long, default_value_t = ServerConfig::default().fill_limit_bytes >> 20, value_name = "MIB", value_parser = clap::value_parser!(u64).range(0..=1_000_000_000))]
     fills_limit_mib: u64,
-    /// Delete filled states this long after their last use, such as 12h or 30d
+    /// Age at which the server deletes a filled state, counted from its last use, such as 12h or 30d
     #[arg(long, default_value = "30d", value_name = "AGE", value_parser = crate::prune::age)]
     fills_max_age: Duration,
     /// Maximum number of requests per second for each token, or for all clients without tokens; 0 means no limit
     #[arg(long, default_value_t = 0, value_name = "N")]
     max_requests_per_s: u32,
-    /// Maximum number of connections. Above this number, the server closes the connections that have been idle for the longest time. Each
-    /// worker uses up to three connections, and more while it sends or fetches files. The limit is lower if the system allows fewer open files
+    /// Maximum number of connections. Above this number, the server closes the connections that have been idle for the longest
+    /// time. Each worker uses up to three connections, and more connections while it sends or fetches files. The maximum is lower
+    /// if the system allows fewer open files
     #[arg(long, default_value_t = ServerConfig::default().max_connections, value_name = "N", value_parser = connections)]
     max_connections: usize,
-    /// Delete sweeps and single jobs this long after their end, such as 30d; without this option, the server never deletes them
+    /// Age at which the server deletes a sweep or a single job, counted from its end, such as 30d; without this option, the server
+    /// never deletes sweeps or jobs
     #[arg(long, value_name = "AGE", value_parser = crate::prune::age)]
     prune_after: Option<Duration>,
-    /// Maximum number of attempts of a job that fail because of their worker; 0 means no limit
+    /// Maximum number of attempts of a job that fail because of a fault of the worker; 0 means no limit
     #[arg(long, default_value_t = RetryPolicy::default().worker.attempts, value_name = "N")]
     worker_attempts: u32,
-    /// Maximum number of attempts of a job that are lost with their worker; 0 means no limit
+    /// Maximum number of attempts of a job that end because their worker is lost; 0 means no limit
     #[arg(long, default_value_t = RetryPolicy::default().lost.attempts, value_name = "N")]
     lost_attempts: u32,
-    /// Pause before the second attempt of a job. Each further pause is twice as long, up to a minute. Up to half of each pause is
-    /// subtracted at random
+    /// Pause before the second attempt of a job that failed because of a fault of the worker. If the worker is lost, this pause is
+    /// half as long. Each further pause is twice as long as the pause before, up to a minute. The server shortens each pause at
+    /// random by up to half
     #[arg(long, default_value_t = 2.0, value_name = "SECONDS", value_parser = pause)]
     retry_pause_s: f64,
 }

@@ -10,7 +10,7 @@ use uuid::Uuid;
 use crate::target::{self, Target};
 use crate::{forecast, list, run};
 
-/// Show the progress of a sweep or a job, why it waits, and when it is expected to start and end
+/// Show the progress of a sweep or a job, the reason why it waits, and its expected start and end
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep or a job

@@ -34,10 +34,10 @@ pub(crate) struct Args {
     /// Record frames at this interval of simulated time; `roost results --frames` downloads the frames of a job
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = seconds)]
     frame_interval: Option<f64>,
-    /// Simulate even if the server has a result of the same scenario
+    /// Simulate the scenario even if the server has a result of the same scenario
     #[arg(long)]
     no_cache: bool,
-    /// Let each job fill its hopper itself: use and keep no filled states
+    /// Let each job fill its own hopper: use no filled states, and store no filled states
     #[arg(long)]
     no_shared_fill: bool,
     /// Print JSON

@@ -66,7 +66,7 @@ pub(crate) struct Access {
     /// File with the access token [default: the variable ROOST_TOKEN]
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
-    /// File with certificates (PEM) of the authorities to trust for https, instead of the authorities of the system
+    /// File (PEM) with the certificates of the certificate authorities to trust for https, instead of the certificate authorities of the system
     #[arg(long, env = "ROOST_CA", value_name = "FILE")]
     ca: Option<PathBuf>,
 }

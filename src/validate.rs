@@ -15,14 +15,14 @@ use crate::meshes::{self, Resolved};
 use crate::submit::submission_error;
 use crate::{forecast, measurements, target};
 
-/// Check a scenario, a sweep, a study or measurements without simulating
+/// Check a scenario, a sweep, a study or measurements without a simulation
 ///
-/// Prints the cost (sub-particles, time steps, memory), a description of the meshes, and a forecast. The forecast has the number of runs,
-/// the hours of processor time and the time of completion, each as a range. The forecast is for this machine, or with `--server` for the
-/// workers of a server. For an invalid document, the command prints every fault with its JSON pointer, the value found and the allowed
-/// values.
+/// Prints the cost (sub-particles, time steps, memory), a description of the meshes, and a forecast. The forecast has the number of
+/// runs, the hours of processor time and the time of completion, each as a range. The forecast is for this machine. With
+/// `--server`, the forecast is for the workers of a server. For an invalid document, the command prints every fault with its JSON
+/// pointer, the value found and the allowed values.
 ///
-/// For measurements, the command prints the tests and their numbers in the units of the results, without a cost.
+/// For measurements, the command prints the tests and their numbers in the units of the results. The command then prints no cost.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// JSON file with a scenario, a sweep (which has a `base`), a study (which has a `goal`) or measurements (which have `tests`); `-`

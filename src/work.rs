@@ -14,9 +14,9 @@ use crate::target;
 
 /// Run a worker: claim jobs from a server, simulate them, deliver results
 ///
-/// While the server is unreachable, the worker waits, and running jobs continue. On SIGTERM or Ctrl-C, the worker returns its jobs to the
-/// queue and exits. Further signals within 5 s have no effect. A signal after these 5 s ends the worker at once. Its jobs are queued again
-/// when their leases expire.
+/// While the server is unreachable, the worker waits, and running jobs continue. On SIGTERM or Ctrl-C, the worker returns its jobs
+/// to the queue and exits. Further signals within 5 s have no effect. A signal after these 5 s ends the worker at once. The server
+/// queues the worker's jobs again when their leases expire.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Address of the server
@@ -37,18 +37,19 @@ pub(crate) struct Args {
 /// Options of every worker, in `roost work` and `roost up`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct WorkerArgs {
-    /// Number of threads for all jobs together; 0 means one per processor
+    /// Number of threads for all jobs together; 0 means one thread per processor
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads::value_parser())]
     threads: u16,
     #[command(flatten)]
     device: DeviceArgs,
-    /// Number of jobs at the same time: `auto`, or a number from 1 to 1024. On a CPU, the jobs share the threads. On a GPU, the jobs form
-    /// one batch, as far as the memory of the GPU allows. With `auto` on a CPU, each job gets one thread. Each job gets more threads while
-    /// the queue has fewer jobs than there are threads. With `auto` on a GPU, the number is 16
+    /// Maximum number of jobs that run at the same time: `auto`, or a number from 1 to 1024. On a CPU, the jobs share the threads.
+    /// On a GPU, the jobs form one batch, as far as the memory of the GPU allows. With `auto` on a CPU, each job gets one thread.
+    /// Each job gets more threads while the queue has fewer jobs than the worker has threads. With `auto` on a GPU, the number of
+    /// jobs is 16
     #[arg(long, default_value = "auto", value_name = "N", value_parser = slots)]
     slots: Slots,
-    /// Seconds that running jobs may continue after a signal, before they return to the queue. Keep this time 10 s below the time after
-    /// which a service manager kills the process
+    /// Number of seconds that running jobs may continue after a signal, before they return to the queue. Choose this time 10 s
+    /// shorter than the time after which the service manager kills the process
     #[arg(long, default_value_t = 0, value_name = "SECONDS")]
     grace: u64,
     /// Name of the worker in lists [default: the host name]

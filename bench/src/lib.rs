@@ -6,7 +6,7 @@ mod solver;
 use anyhow::Result;
 use roost_terminal::Exit;
 
-/// Measure how fast this machine computes, and how well it works as a server
+/// Measure the speed of this machine as a worker and as a server
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(subcommand)]

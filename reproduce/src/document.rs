@@ -231,7 +231,7 @@ mod tests {
         assert_eq!(
             lines,
             [
-                "| mass at 4 s (kg) | 33.2 | 32 ± 13 | 2 | 33.2 ± 2.3 | yes | the 95 % interval extends past the demand; a\\|b |",
+                "| mass at 4 s (kg) | 33.2 | 32 ± 13 | 2 | 33.2 ± 2.3 | yes | the 95 % interval contains a limit of the demand; a\\|b |",
                 "| mass at 4 s (kg) | 33.2 | 25 | 1 |  |  |  |",
                 "| mass at 4 s (kg) | 33.2 | – | 0 | 33.2 ± 2.3 | no |  |",
                 "",

@@ -30,20 +30,21 @@ use scheduler::Event;
 
 /// Simulate the paper's experiments, and write a report that compares the results with the paper
 ///
-/// Writes report.html to read, report.json with the same rows for programs, and report.md with the tables. The command stores finished
-/// runs, and every minute a checkpoint of the other runs. After Ctrl-C, the same command continues.
+/// Writes report.html for people, report.json with the same rows for programs, and report.md with the tables. The command stores
+/// finished runs. Every minute, the command also stores a checkpoint of each run that is not finished. After Ctrl-C, the same
+/// command continues.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Parts of the report
     #[arg(value_enum, default_value = "all", value_name = "PART")]
     parts: Vec<Part>,
-    /// Coarse, few seeds: under 10 minutes on two cores (the default)
+    /// A slice of the hopper with coarse sub-particles, and few seeds: under 10 minutes on two cores (the default)
     #[arg(long, group = "size")]
     quick: bool,
-    /// The whole hopper: under 2 hours on two cores
+    /// The hopper at full width, and more seeds: under 2 hours on two cores
     #[arg(long, group = "size")]
     standard: bool,
-    /// Sub-particles as small as the paper's: a night on two cores
+    /// Sub-particles as small as in the paper: a night on two cores
     #[arg(long, group = "size")]
     full: bool,
     /// A profile by name
@@ -52,10 +53,10 @@ pub struct Args {
     /// Folder for the report and the results of its runs
     #[arg(short, long, visible_alias = "out", default_value = "reproduce-out", value_name = "DIR")]
     output: PathBuf,
-    /// Threads to use; 0 means one per processor
+    /// Number of threads to use; 0 means one thread per processor
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads::value_parser())]
     threads: u16,
-    /// Show the planned simulations and run none
+    /// Show the planned simulations, but run no simulation
     #[arg(long)]
     plan: bool,
     /// Commit of the source, stated in report.json and report.md

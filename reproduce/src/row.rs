@@ -150,7 +150,7 @@ impl Row {
         let ends = measured.zip(self.half_width_95).map(|(mean, half)| [mean - half, mean + half]);
         let is_open = ends.is_some_and(|ends| ends.into_iter().any(|end| demand.is_met_by(end) != met));
         let row = self.demand_text(demand.to_string(), met);
-        if is_open { row.note("the 95 % interval extends past the demand") } else { row }
+        if is_open { row.note("the 95 % interval contains a limit of the demand") } else { row }
     }
 
     /// Sets a demand in words, and whether it is met.
@@ -197,7 +197,7 @@ mod tests {
         let judged = |values: &[f64]| row().values(values).demand(Demand::AtMost(33.0));
         assert_eq!(judged(&[32.0, 32.1, 32.2]).note, "");
         let open = judged(&[32.0, 33.5]);
-        assert_eq!((open.holds, &*open.note), (Some(true), "the 95 % interval extends past the demand"));
+        assert_eq!((open.holds, &*open.note), (Some(true), "the 95 % interval contains a limit of the demand"));
     }
 
     #[test]

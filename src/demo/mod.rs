@@ -35,11 +35,11 @@ const RESPONSES: [(&str, &str); 6] = [
 
 /// Run a demonstration: server, worker and a sweep of four simulations
 ///
-/// Starts a server and a worker in this process, submits a sweep of gate opening and surface condition, and follows its
-/// progress. Then prints the table of results and plots the discharge curves.
+/// Starts a server and a worker in this process. Submits a sweep that varies the gate opening and the surface condition, and
+/// follows the progress of the sweep. Then prints the table of results and plots the discharge curves.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Exit after the sweep; without it the server continues
+    /// Exit after the sweep; without this option, the server continues
     #[arg(long)]
     exit: bool,
     /// Folder for the database, the plot and the results

@@ -18,7 +18,7 @@ const HAND_BACK: Duration = Duration::from_secs(10);
 /// Slurm may send its signal a minute early. A shorter allocation could get it before its worker has started.
 const MIN_TIME_LIMIT: Duration = Duration::from_secs(180);
 
-/// Submit workers to Slurm while queued jobs need them
+/// Submit workers to Slurm while queued jobs need more workers
 ///
 /// The pool runs in the foreground on any machine that has `sbatch`; the server may be on another machine. Each allocation is a batch job
 /// of Slurm. An allocation runs `roost work`, and ends when it has had no job for --idle-timeout. A minute before the time limit, and after
@@ -35,32 +35,33 @@ pub(super) struct SlurmArgs {
     /// Maximum number of workers in all allocations, 1 to 100000
     #[arg(long, default_value_t = 64, value_name = "N", value_parser = number::<100_000>)]
     pub(super) max_workers: u32,
-    /// Number of workers in an allocation, 1 to 1024; they share the processors of one node
+    /// Number of workers in an allocation, 1 to 1024; these workers share the processors of one node
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = number::<1024>)]
     pub(super) workers_per_alloc: u32,
     /// A worker exits after this time without a job
     #[arg(long, default_value = "5m", value_name = "TIME", value_parser = time)]
     pub(super) idle_timeout: Duration,
-    /// Time limit of an allocation, 3m to 168h; Slurm rounds it up to minutes
+    /// Time limit of an allocation, 3m to 168h; Slurm rounds this time up to full minutes
     #[arg(long, default_value = "1h", value_name = "TIME", value_parser = time_limit)]
     pub(super) time_limit: Duration,
     /// The pool submits no allocation for jobs that the present workers will start within this time
     #[arg(long, default_value = "1m", value_name = "TIME", value_parser = time)]
     pub(super) start_within: Duration,
-    /// Number of jobs of each worker at the same time: `auto`, or a number from 1 to 1024, as for `roost work`
+    /// Maximum number of jobs that each worker runs at the same time: `auto`, or a number from 1 to 1024, as for `roost work`
     #[arg(long, default_value = "auto", value_name = "N", value_parser = slots)]
     pub(super) slots: Slots,
-    /// Seconds that running jobs may continue after Slurm's signal, before they are handed back. Keep this time 10 s below Slurm's KillWait
+    /// Number of seconds that running jobs may continue after Slurm's signal, before the worker hands the jobs back. Choose this
+    /// time 10 s shorter than Slurm's KillWait
     #[arg(long, default_value_t = 10, value_name = "SECONDS", value_parser = grace)]
     pub(super) grace: u64,
-    /// Time between two looks at the queue and at Slurm
+    /// Time between two checks of the queue and of Slurm
     #[arg(long, default_value = "10s", value_name = "TIME", value_parser = time)]
     pub(super) interval: Duration,
-    /// Length of the first pause, after 3 failures in a row. With each further failure the pause is twice as long, up to 1h
+    /// Length of the first pause, after 3 consecutive failures. With each further failure, the pause doubles, up to 1h
     #[arg(long, default_value = "1m", value_name = "TIME", value_parser = time)]
     pub(super) retry_pause: Duration,
-    /// Folder for the pool's records, its logs and undelivered results. The compute nodes must share this folder [default: `pool` in the
-    /// state folder of `roost work`]
+    /// Folder for the pool's records, its logs and undelivered results. All compute nodes must have access to this folder [default:
+    /// `pool` in the state folder of `roost work`]
     #[arg(long, value_name = "DIR")]
     pub(super) state: Option<PathBuf>,
     /// Path of the program roost on the compute nodes [default: the path of this program]
@@ -72,7 +73,7 @@ pub(super) struct SlurmArgs {
     /// Print the batch script, the sbatch command and the present decision, and submit nothing
     #[arg(long)]
     pub(super) dry_run: bool,
-    /// Options for sbatch, such as --partition=gpu --gres=gpu:1; write values of long options after `=`
+    /// Options for sbatch, such as --partition=gpu --gres=gpu:1; write the value of a long option after `=`
     #[arg(last = true, value_name = "SBATCH OPTIONS")]
     pub(super) sbatch: Vec<String>,
 }

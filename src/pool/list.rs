@@ -11,7 +11,7 @@ use super::default_state;
 use super::ledger::{self, Ledger};
 use super::rule::counted;
 
-/// List the allocations of a pool, and say why it pauses
+/// List the allocations of a pool, and state the reason if the pool pauses
 ///
 /// The command reads the folder of the pool, so it also works when the pool does not run. The list keeps up to 200 allocations that have
 /// ended.

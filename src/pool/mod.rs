@@ -30,7 +30,7 @@ use roost_terminal::Exit;
 
 use crate::work;
 
-/// Start workers on demand, as queued jobs need them
+/// Start workers on demand for queued jobs
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(subcommand)]

@@ -11,7 +11,7 @@ use serde_json::json;
 
 use crate::target;
 
-/// Print the answer of a study as JSON, or write it with its picture
+/// Print the answer of a study as JSON, or write the answer and its picture to files
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a study

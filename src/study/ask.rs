@@ -15,10 +15,10 @@ use crate::document::DocumentKind;
 use crate::submit::submission_error;
 use crate::target;
 
-/// Ask a study for its next runs, to compute them with a program of your own
+/// Ask a study for its next runs, and compute these runs with your own program
 ///
-/// Prints the number, the values and the seed of each run. The study then waits for the outcomes of these runs from `roost study tell`, for
-/// at most a day.
+/// Prints the number, the values and the seed of each run. The study then waits for at most a day for the outcomes of these runs
+/// from `roost study tell`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Ask {
     /// Id of a study
@@ -34,11 +34,11 @@ pub(crate) struct Ask {
     json: bool,
 }
 
-/// Tell a study the outcomes of runs that a program of your own has computed
+/// Tell a study the outcomes of runs that your own program has computed
 ///
-/// The file has a list `outcomes`. Each outcome names a run: by its number `run` from `roost study ask`, or by `values` and a `seed` of
-/// your own. The outcome also has `responses`, or `"failed": true`, or `"given_back": true` if you will not compute the run. If you repeat
-/// the command, nothing changes.
+/// The file has a list `outcomes`. Each outcome names a run: by its number `run` from `roost study ask`, or by `values` and a
+/// `seed` of your own. The outcome also has `responses`, `"failed": true` or `"given_back": true`. Use `"given_back": true` for a
+/// run that you will not compute. If you repeat the command, the study does not change.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Tell {
     /// Id of a study

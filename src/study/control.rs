@@ -8,7 +8,7 @@ use roost_terminal::Exit;
 use super::show;
 use crate::target;
 
-/// Pause a study: it adds no runs, and workers hand its running jobs back with a checkpoint
+/// Pause a study: the study adds no runs, and workers store a checkpoint of each running job and hand the job back
 #[derive(Debug, clap::Args)]
 pub(crate) struct Pause {
     #[command(flatten)]

@@ -17,8 +17,8 @@ use crate::validate;
 
 /// Ask a question about a scenario; Roost chooses the runs that answer it
 ///
-/// A study has a base scenario, factors with ranges, a goal and a budget of runs. Roost adds runs to a sweep with the same id until the
-/// answer is as certain as you asked. `roost study run` needs no server.
+/// A study has a base scenario, factors with ranges, a goal and a budget of runs. Roost adds runs to a sweep until the answer has
+/// the certainty that you asked for. The sweep has the same id as the study. `roost study run` needs no server.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(subcommand)]

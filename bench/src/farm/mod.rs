@@ -16,10 +16,11 @@ use roost_terminal::{Exit, Table, print_json, print_lines, signals};
 use serde::Serialize;
 use serde_json::json;
 
-/// Measure how well the service meets its targets: throughput, waiting times, load, memory, and the effects of kills
+/// Compare the server with its targets for throughput, waiting times, load, memory, and the effects of killed processes
 ///
-/// Starts servers on loopback addresses with their data in a temporary folder. Clients run in this process on the same machine,
-/// so throughput is that of server and clients together. CPU and memory are those of the server only.
+/// Starts servers on loopback addresses with their data in a temporary folder. Clients run in this process on the same machine.
+/// Therefore the throughput is the throughput of server and clients together. The values of CPU and memory are values of the server
+/// only.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// Measure only rows whose names start with NAME; may be given several times

@@ -26,7 +26,7 @@ pub(super) enum BedKind {
     Loose,
     /// Fillets that have settled in the hopper; the belt stands still
     Bonded,
-    /// The same while the belt runs and the hopper discharges
+    /// Fillets in the hopper while the belt runs and the hopper discharges
     Hopper,
 }
 

@@ -27,7 +27,7 @@ pub(super) struct GpuArgs {
 /// The graphics adapter.
 #[derive(Debug, clap::Args)]
 struct AdapterArgs {
-    /// Graphics adapter to use: a part of its name, if there are several adapters
+    /// Part of the name of the graphics adapter to use, if the machine has several adapters
     #[arg(long, value_name = "NAME")]
     device: Option<String>,
     /// Accept a software adapter; its rows have the backend `software`
@@ -119,9 +119,9 @@ impl GpuTimer {
 
 /// Compare a graphics adapter with the plain path, step by step
 ///
-/// The adapter and the plain path compute the same steps from fillets at rest. An adapter that rounds every operation gives the same bits.
-/// An adapter that fuses operations deviates by rounding errors, which grow with time. The command fails if the final deviation exceeds the
-/// tolerance.
+/// The adapter and the plain path compute the same steps from fillets at rest. An adapter that rounds the result of every operation
+/// gives the same bits as the plain path. An adapter that fuses operations deviates by rounding errors. These errors grow with
+/// time. The command fails if the final deviation exceeds the tolerance.
 #[derive(Debug, clap::Args)]
 pub(crate) struct ParityArgs {
     #[command(flatten)]
@@ -132,7 +132,7 @@ pub(crate) struct ParityArgs {
     /// Number of steps
     #[arg(long, default_value_t = 300, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
     steps: u64,
-    /// Maximum distance between the two positions of a sub-particle after the last step, in metres
+    /// Maximum distance between the position of a sub-particle on the adapter and its position on the plain path, after the last step, in metres
     #[arg(long, default_value_t = 1e-6, value_name = "M")]
     tolerance_m: f64,
 }

@@ -20,10 +20,10 @@ use serde_json::json;
 use beds::{Bed, BedKind};
 use timing::{Row, TimedRun};
 
-/// Time the solver's particle-steps
+/// Measure the speed of the solver in particle-steps per second
 ///
-/// All paths take turns on the same bed, so that other load on the machine affects them equally. Compare only ratios of the same run,
-/// because absolute times depend on the machine.
+/// The paths run in turn on the same bed, so that other load on the machine affects all paths equally. Compare only ratios from the
+/// same run of this command, because absolute times depend on the machine.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// Beds to time
@@ -32,7 +32,7 @@ pub(super) struct Args {
     /// Approximate number of sub-particles of a bed
     #[arg(long, default_value_t = 41_000, value_name = "N", value_parser = clap::value_parser!(u64).range(1000..=2_000_000))]
     subparticles: u64,
-    /// Numbers of threads; 0 means one per processor [default: 1,0]
+    /// Numbers of threads to measure; 0 means one thread per processor [default: 1,0]
     #[arg(long, value_delimiter = ',', default_values = ["1", "0"], hide_default_value = true, value_name = "N", value_parser = threads::value_parser())]
     threads: Vec<u16>,
     /// Paths of the solver: `plain`, `fast` (the widest instructions of this machine), names of instruction sets, or `gpu`
@@ -41,13 +41,13 @@ pub(super) struct Args {
     #[cfg(feature = "gpu")]
     #[command(flatten)]
     gpu: gpu::GpuArgs,
-    /// Omit contacts between neighbours with a bond, as other programs do
+    /// Omit contacts between sub-particles that a bond joins, as other programs do
     #[arg(long)]
     without_contact_between_bonded: bool,
-    /// Turns of each path
+    /// Number of turns; each path runs once in each turn
     #[arg(long, default_value_t = 7, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     repeats: u32,
-    /// Steps per turn
+    /// Number of time steps per turn
     #[arg(long, default_value_t = 100, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     steps: u64,
     /// File with the bed to time, instead of the beds above: lines of `id x y z`, in metres
@@ -62,7 +62,7 @@ pub(super) struct Args {
     /// Only write the settled bed as `NAME.csv` and `NAME_bonds.csv` into this folder
     #[arg(long, value_name = "DIR")]
     write: Option<PathBuf>,
-    /// Print JSON, one row per bed, path and number of threads
+    /// Print JSON: one row for each combination of bed, path and number of threads
     #[arg(long)]
     json: bool,
 }

@@ -126,7 +126,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .paper("none")
             .value((steps.total > 0).then_some(steps.rises as f64), steps.total);
         row.demand(Demand::AtMost(0.0)).note(format!(
-            "of {} steps between neighbours of the grid with all bonds intact; a rise counts only if it exceeds the \
+            "of {} steps between neighbouring pairs of the grid with all bonds intact; a rise counts only if it exceeds the \
              remaining swings of both angles. The maximum rise of a mean angle is {}°",
             steps.total,
             rounded(steps.maximum_rise_deg, 1)
@@ -137,34 +137,34 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     };
     let [length, ..] = extent_m(1, profile.radius_m).unwrap_or_default();
     let mut rows = vec![
-        with_angle(Row::new(NAME, "bend angle of size 2 over a bar, Table 2", "°").paper("> 120"), "Table 2")
+        with_angle(Row::new(NAME, "bend angle of a fillet of size 2 over a bar, Table 2", "°").paper("> 120"), "Table 2")
             .demand(Demand::Above(120.0))
             .note(format!(
                 "angle between the ends of the centre line, over a bar of 20 mm radius; fillets are turned by up to {SCATTER_DEG}°. \
-                 With R = {} mm, size 2 is {} mm long; Table 1 has 172 mm",
+                 With R = {} mm, a fillet of size 2 is {} mm long; in Table 1, the length is 172 mm",
                 significant(profile.radius_m * 1e3),
                 rounded(length * 1e3, 0)
             )),
-        with_angle(Row::new(NAME, "the same without turning", "°").paper("> 120"), "straight"),
+        with_angle(Row::new(NAME, "bend angle of size 2, not turned", "°").paper("> 120"), "straight"),
     ];
     for radius_m in BARS_M {
         let name = bar_name(radius_m);
-        rows.push(with_angle(Row::new(NAME, format!("the same over a {name}"), "°").paper("> 120"), &name));
+        rows.push(with_angle(Row::new(NAME, format!("bend angle of size 2, not turned, over a {name}"), "°").paper("> 120"), &name));
     }
     let coarse_mm = significant(COARSE * profile.radius_m * 1e3);
     rows.push(with_angle(
-        Row::new(NAME, format!("the same with R = {coarse_mm} mm"), "°").paper("> 120"),
+        Row::new(NAME, format!("bend angle of size 2, not turned, with R = {coarse_mm} mm"), "°").paper("> 120"),
         "coarse",
     ));
     for size in ["size 1", "size 3"] {
-        rows.push(with_angle(Row::new(NAME, format!("the same of {size}"), "°"), size));
+        rows.push(with_angle(Row::new(NAME, format!("bend angle of {size}, not turned"), "°"), size));
     }
     let intact = of_normal.iter().flatten().flatten().count();
     rows.push(
-        Row::new(NAME, "pairs of stiffnesses with all bonds intact", "")
+        Row::new(NAME, "number of pairs of stiffnesses at which all bonds stay intact", "")
             .value(Some(intact as f64), grid.len() * grid.len())
             .note(format!(
-                "of a grid of {} from {:e} to {:e} N/m³",
+                "of a grid of {} pairs from {:e} to {:e} N/m³",
                 grid.len() * grid.len(),
                 grid[0],
                 grid[grid.len() - 1]
@@ -173,9 +173,9 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     rows.extend([
         falls("number of steps to a larger S_n at which the bend angle rises", &of_normal),
         falls("number of steps to a larger S_t at which the bend angle rises", &of_shear),
-        Row::new(NAME, "maximum bend angle while leaving a conveyor, Table 2", "°")
+        Row::new(NAME, "maximum bend angle of a fillet that leaves a conveyor, Table 2", "°")
             .single(results.first_response("off a ledge", "largest_bend_angle_deg"))
-            .note("Fig. 4c and d; the paper compares them by eye"),
+            .note("the paper compares Fig. 4c and Fig. 4d by eye"),
     ]);
     let findings = bar_finding(profile, results).into_iter().collect();
     Evaluation { rows, illustrations: illustrations(profile, results), findings }
@@ -194,7 +194,7 @@ fn bar_finding(profile: &Profile, results: &Results<'_>) -> Option<String> {
         .collect();
     others.extend(angle("coarse").map(|angle| {
         format!(
-            "The angle is {}° over a bar of 20 mm with R = {} mm. The fillet then has fewer layers of spheres.",
+            "The angle is {}° over a bar of 20 mm with R = {} mm. A fillet of larger spheres has fewer layers of spheres.",
             rounded(angle, 0),
             significant(COARSE * profile.radius_m * 1e3)
         )

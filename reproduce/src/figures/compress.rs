@@ -110,7 +110,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     const NAME: &str = "Fig. 6";
     let lattice_pa = |name: &str| results.first_response(name, "modulus_lattice_pa");
     let plates_pa = |name: &str| results.first_response(name, "modulus_pa");
-    let rate = format!("strain rate {} 1/s; the paper's is 0.0017 1/s", significant(profile.strain_rate_1_s));
+    let rate = format!("strain rate {} 1/s; the strain rate of the paper is 0.0017 1/s", significant(profile.strain_rate_1_s));
     let to_kpa = |pascal: Option<f64>| pascal.map(|pascal| pascal / 1e3);
     let mut rows = Vec::new();
     for (name, radius_m, _, _) in &BLOCKS[..2] {
@@ -129,7 +129,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .note(&rate),
     );
     for (name, ..) in &BLOCKS[2..] {
-        let row = Row::new(NAME, format!("Young's modulus as the paper takes it, {name}"), "kPa")
+        let row = Row::new(NAME, format!("Young's modulus by the method of the paper, {name}"), "kPa")
             .paper(PAPERS_PA / 1e3);
         rows.push(
             row.single(to_kpa(plates_pa(name)))
@@ -144,8 +144,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .paper(PAPERS_END_PA / 1e3)
             .single(to_kpa(early))
             .note(
-                "the modulus of the paper's samples is 48.6 kPa at first and then rises, so their stress reaches 4 kPa at this strain \
-                 or before",
+                "the modulus of the paper's samples is 48.6 kPa at first and then rises, so the stress of these samples \
+                 reaches 4 kPa at or before this strain",
             ),
     );
     let stiffens = stiffening(&whole);

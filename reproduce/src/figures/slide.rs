@@ -88,7 +88,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     let known = |friction: &f64| Some((*friction, papers(*friction).complete_sample()?.mean));
     let points: Option<Vec<(f64, f64)>> = profile.frictions.iter().map(known).collect();
     let n: usize = profile.frictions.iter().map(|friction| papers(*friction).values.len()).sum();
-    let tilted = format!("tilted by {} °/s", significant(profile.tilt_rate_deg_s));
+    let tilted = format!("the plate tilts by {} °/s", significant(profile.tilt_rate_deg_s));
     let mut rows = vec![
         Row::new(NAME, "R² of a straight line through the mean sliding angles over μ", "")
             .paper("strong linear correlation")
@@ -115,14 +115,14 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .paper("negligible")
             .replicates(&spreads)
             .demand(Demand::Below(1.0))
-            .note("at the same heading and μ = 0.5, mean over headings")
+            .note("at the same heading and μ = 0.5; mean of the spreads over the headings")
             .note(range_text(&spreads)),
     );
     let trussed = results.response(TRUSSED, "critical_angle_deg");
     rows.push(
         Row::new(NAME, "sliding angle at μ = 0.5 with diagonal bonds", "°")
             .replicates(&trussed)
-            .note("one type of sub-particles with bonds up to 1.5 R: a stiff truss")
+            .note("one type of sub-particles and a contact radius of 1.5 R: the bonds form a stiff truss")
             .note(range_text(&trussed)),
     );
     let mut findings = vec![
@@ -161,7 +161,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
 /// Minimum and maximum of the values as a text.
 fn range_text(seeds: &Replicates) -> String {
     let range = seeds.range().filter(|_| seeds.values.len() > 1);
-    range.map_or_else(String::new, |(low, high)| format!("from {} to {}", rounded(low, 2), rounded(high, 2)))
+    range.map_or_else(String::new, |(low, high)| format!("the range is from {} to {}", rounded(low, 2), rounded(high, 2)))
 }
 
 /// A finding if the mean sliding angle is below atan μ.
@@ -171,8 +171,8 @@ fn early_sliding(angles: &Replicates, trussed: &Replicates) -> Option<String> {
         return None;
     }
     let mut text = format!(
-        "At μ = 0.5 fillets slide at a mean angle of {}°, below atan μ = {}°. The angle depends on the heading of the fillet: the \
-         range is {}° over {} headings.",
+        "At μ = 0.5 fillets slide at a mean angle of {}°, below atan μ = {}°. The angle depends on the heading of the fillet: \
+         {}° over {} headings.",
         rounded(mean.mean, 1),
         rounded(coulomb, 1),
         range_text(angles),

@@ -92,12 +92,12 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     }
     let enhanced = |orientation| intact(results, &angle_name(ENHANCED, orientation));
     rows.push(
-        Row::new(NAME, "the same on end, tail first, with finite extension", "")
-            .paper("its outlook")
+        Row::new(NAME, "share of bonds intact at 4 m/s, on end, tail first, with finite extension", "")
+            .paper("outlook of the paper")
             .replicates(&enhanced(ON_END))
             .demand(Demand::AtLeast(0.99))
             .note(
-                "bonds that stiffen towards the length at which they break, as the paper's outlook suggests",
+                "bonds stiffen before they break, as the outlook of the paper suggests",
             ),
     );
     let curve_of = |label: &str, multiple: &str, style, is_pitch: bool| {

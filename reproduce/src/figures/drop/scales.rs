@@ -58,14 +58,14 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     let (times, shares) = (by_scale(settle_s), by_scale(intact));
     let mut rows = Vec::new();
     for (scale, time) in times.first().into_iter().chain(times.last()) {
-        let quantity = format!("settle time at scale {}, flat at 2 m/s", significant(*scale));
+        let quantity = format!("settle time at scale {}, flat impact at 2 m/s", significant(*scale));
         let (paper, demand) = papers(*scale);
         let row = Row::new(NAME, quantity, "s").paper(paper).replicates(time);
         let row = row.note(fillets_note(profile, results, &scale_name(*scale)));
         rows.push(match demand {
             Some(about) => row
                 .demand(Demand::Near(about, ABOUT * about))
-                .note(format!("the paper has about {about} s; the demand allows ± a quarter")),
+                .note(format!("the paper has about {about} s; the demand allows ± a quarter of this time")),
             None => row,
         });
     }
@@ -76,7 +76,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .paper("grows, with small oscillations")
             .value(means.and_then(|means| rank_correlation(&means)), number_of_values(&times))
             .demand(Demand::AtLeast(0.8))
-            .note("1 for steady growth"),
+            .note("the correlation is 1 for steady growth"),
     );
     for (scale, share) in &shares {
         let paper = match *scale {

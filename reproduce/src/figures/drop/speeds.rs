@@ -56,7 +56,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         Row::new(NAME, "minimum share of bonds intact, flat, up to 4 m/s, Table 2", "")
             .sample(minimum)
             .demand(Demand::AtLeast(0.99))
-            .note("at the speed with the minimum"),
+            .note("at the speed with the minimum share"),
     ];
     for (speed, share) in shares(table_2, ON_END) {
         let quantity = format!("share of bonds intact on end at {} m/s, Table 2", significant(speed));
@@ -70,7 +70,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     {
         let name = speed_name(multiple, ON_END, FAST_M_S);
         rows.push(
-            Row::new(NAME, format!("the same on end at 4 m/s, {multiple}"), "")
+            Row::new(NAME, format!("share of bonds intact on end at 4 m/s, {multiple}"), "")
                 .paper(papers)
                 .replicates(&intact(results, &name))
                 .note(fillets_note(profile, results, &name)),
@@ -113,10 +113,10 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         .collect();
     let stable = points.iter().filter(|share| share.mean > 0.5).count();
     rows.push(
-        Row::new(NAME, "points with more than half of the bonds intact", "")
+        Row::new(NAME, "number of points with more than half of the bonds intact", "")
             .paper("highlighted as stable")
             .value(Some(stable as f64), points.iter().map(|share| share.n).sum())
-            .note(format!("of {} points of stiffness, orientation and speed", points.len())),
+            .note(format!("of {} points; a point is a combination of stiffness, orientation and speed", points.len())),
     );
     let curves = MULTIPLES.into_iter().enumerate().flat_map(|(colour, (multiple, _))| {
         [FLAT, ON_END].into_iter().enumerate().map(move |(dash, orientation)| {

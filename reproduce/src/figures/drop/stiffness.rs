@@ -90,11 +90,11 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     let table_2 = at(TABLE_2.0, TABLE_2.1);
     let pairs = || grid.iter().flat_map(|n| grid.iter().map(move |s| (*n, *s)));
     let mut rows = vec![
-        Row::new(NAME, "settle time, flat at 2 m/s, Table 2", "s")
+        Row::new(NAME, "settle time after a flat impact at 2 m/s, Table 2", "s")
             .replicates(&settle_s(results, &table_2))
             .demand(Demand::Between(0.1, 0.35))
             .note(format!("mean over the fillets of a run, {}", fillets_note(profile, results, &table_2))),
-        Row::new(NAME, "maximum settle time of a fillet, the same runs", "s")
+        Row::new(NAME, "maximum settle time of a fillet after a flat impact at 2 m/s, Table 2", "s")
             .replicates(&results.response(&table_2, "longest_settle_time_s")),
     ];
     let mut findings = Vec::new();
@@ -129,7 +129,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         Row::new(NAME, "stiffnesses with the minimum settle time", "")
             .paper("at low, unbalanced stiffnesses")
             .text(words, shortest.map_or(0, |(_, time)| time.n))
-            .note("among pairs that settle with every seed and keep 99 % of their bonds"),
+            .note("among pairs of stiffnesses at which fillets settle with every seed and keep 99 % of their bonds"),
     );
     let (torn, whole) = (intact(results, &at(SOFT, STIFF)), intact(results, &table_2));
     let breaks = torn.mean().zip(whole.mean()).is_some_and(|(torn, whole)| torn < whole - 0.01);
@@ -148,16 +148,16 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     rows.extend([
         unstable(results, "bonds as published, S_n far above S_t (1e7, 1e5 N/m³)", PUBLISHED)
             .paper("unstable"),
-        unstable(results, "the same with steps of 1e-5 s", PUBLISHED_SMALL_STEP)
+        unstable(results, "bonds as published, S_n far above S_t, time step 1e-5 s", PUBLISHED_SMALL_STEP)
             .paper("unstable at every step down to 1e-10 s")
             .note("one fillet"),
         sound(results, "bonds as published, S_t far above S_n (1e5, 1e7 N/m³)", PUBLISHED_REVERSED)
             .paper("only breaks bonds"),
-        Row::new(NAME, "share of bonds intact, the same", "")
+        Row::new(NAME, "share of bonds intact, as published, S_t far above S_n", "")
             .paper("bonds break")
             .replicates(&reversed)
             .demand_text("less than with Table 2 (Welch)", fewer.is_some_and(|fewer| fewer.is_fall())),
-        sound(results, "bonds that turn with the pair, S_n far above S_t", &at(STIFF, SOFT))
+        sound(results, "bonds that turn with the two spheres, S_n far above S_t", &at(STIFF, SOFT))
             .note("the default formulation; not in the paper"),
     ]);
     findings.extend(maximum.filter(|ratio| ratio.mean + ratio.half_width < 5.0).map(|ratio| {
@@ -347,10 +347,10 @@ mod tests {
         let good = of(true, false);
         assert!(verdicts(&good).iter().all(|(_, holds)| *holds), "{:?}", verdicts(&good));
         assert_eq!(verdicts(&good)[2].0, "sound in 3 of 3");
-        assert_eq!(row(&good, "share of bonds intact, the same").holds, Some(true));
+        assert_eq!(row(&good, "share of bonds intact, as published, S_t far above S_n").holds, Some(true));
         let bad = of(false, false);
         assert_eq!(verdicts(&bad)[2], ("sound in 2 of 3".to_owned(), false));
-        assert_eq!(row(&bad, "share of bonds intact, the same").n, 2, "diverged runs enter no mean");
+        assert_eq!(row(&bad, "share of bonds intact, as published, S_t far above S_n").n, 2, "diverged runs enter no mean");
         assert_eq!(verdicts(&of(true, true))[0], ("unstable in 2 of 3".to_owned(), false), "a failed run");
     }
 }

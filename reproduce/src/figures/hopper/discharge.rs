@@ -60,11 +60,11 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     });
     let bed_text = bed_text(bed);
     let rows = vec![
-        Row::new(NAME, "minimum R² of a straight line from 0 to 4 s", "")
+        Row::new(NAME, "minimum R² of a straight line through the discharged mass from 0 to 4 s", "")
             .paper("linear")
             .value(minimum, linear.values.len())
             .demand(Demand::AtLeast(0.99)),
-        Row::new(NAME, "R² of a straight line until 80 % is discharged", "").paper("linear").replicates(&seeds("linearity_r2")),
+        Row::new(NAME, "R² of a straight line through the discharged mass, until 80 % is discharged", "").paper("linear").replicates(&seeds("linearity_r2")),
         Row::new(NAME, "discharged mass at 4 s", "kg")
             .paper(PAPERS_DISCHARGED_KG)
             .replicates(&at_4_s)
@@ -73,14 +73,14 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
                 "circular: the hopper's width was derived from this number, so this row checks consistency and does not validate the \
                  model; {bed_text}"
             )),
-        Row::new(NAME, "loaded", "kg")
+        Row::new(NAME, "loaded mass", "kg")
             .paper(PAPERS_LOADED_KG)
             .replicates(&scaled("loaded_kg"))
             .note(format!("{bed_text}; the fillets' volume was chosen so that 191 fillets have this mass")),
         Row::new(NAME, "share of the loaded mass discharged at 4 s", "")
             .paper(PAPERS_DISCHARGED_KG / PAPERS_LOADED_KG)
             .replicates(&share)
-            .note("circular like the mass at 4 s; the paper calls the hopper fully discharged after 33.2 of 38.21 kg"),
+            .note("circular like the mass at 4 s; the paper calls the hopper fully discharged after a discharge of 33.2 of 38.21 kg"),
         Row::new(NAME, "time until 95 % of the filled mass is discharged", "s").replicates(&seeds("time_to_95_percent_s")),
         Row::new(NAME, "bulk density of the bed at rest", "kg/m³")
             .paper((PAPERS_LOADED_KG / PAPERS_VOLUME_M3).round())
@@ -92,22 +92,22 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         Row::new(NAME, "simulated time until the filled hopper is at rest", "s")
             .paper(4.0)
             .replicates(&seeds("fill_duration_s"))
-            .note("the paper's value is the time of generating fillets"),
+            .note("the value of the paper is the time in which fillets were generated"),
         Row::new(NAME, "scatter of the mass at 4 s between seeds", "%")
             .value(spread, at_4_s.values.len())
-            .note("standard deviation over mean"),
+            .note("standard deviation divided by the mean"),
         Row::new(NAME, "effective throughput", "kg/s")
             .paper(7.6)
             .replicates(&scaled("effective_throughput_kg_s"))
             .note(
-                "95 % of the filled mass, divided by the time until this mass is discharged; the paper does not define its number; \
+                "95 % of the filled mass, divided by the time until this mass is discharged; the paper does not define its throughput; \
                  like the mass at 4 s, the throughput depends on the derived width",
             ),
         Row::new(NAME, "mean rate from 0.5 s until 80 % is discharged", "kg/s").replicates(&scaled("mean_rate_kg_s")),
         Row::new(NAME, "wall time of 10 simulated seconds", "min").paper(9.0).replicates(&minutes).note(
             records.first().map_or_else(String::new, |record| {
                 format!(
-                    "paper: 41,000 sub-particles on a GPU; here: {} on {} thread(s) of {}",
+                    "paper: 41,000 sub-particles on a GPU; here: {} sub-particles on {} thread(s) of {}",
                     record.result.performance.subparticles,
                     record.result.solver.threads,
                     record.computed_by()

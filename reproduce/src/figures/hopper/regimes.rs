@@ -87,7 +87,7 @@ fn cause_finding(dry: &Replicates, frictions: &[(f64, Replicates)], sticky: &Rep
     if minimum < sticky_kg_s && minimum < dry_kg_s {
         text.push_str(
             " In the model, lower traction of the belt therefore slows the flow more than adhesion does. The paper names both lower \
-             traction and adhesion as causes. The paper's friction was measured on a steel plate, not on its modular belt.",
+             traction and adhesion as causes. The paper measured friction on a steel plate, not on the modular belt.",
         );
     }
     Some(text)
