@@ -888,8 +888,8 @@ class Scene(TypedDict, total=False):
     bodies: Sequence[SceneBodiesItem]
     """This list has the bodies, with their shape, position, orientation and velocity."""
     gravity_direction: Sequence[float]
-    """Direction of gravity, as a vector. Its length does not matter, because `/numerics/gravity_m_s2` is the
-    acceleration. Source: assumed. Default: [0.0, 0.0, -1.0]."""
+    """Direction of gravity, as a vector. The length of this vector has no effect, because `/numerics/gravity_m_s2` sets
+    the acceleration. Source: assumed. Default: [0.0, 0.0, -1.0]."""
     margin_m: float
     """Distance from the bounding box of the scene at the start. A sub-particle that is farther outside this box leaves
     the simulation. Unit: m. Source: numerics. Default: 0.5. Range: > 0 and ≤ 10."""

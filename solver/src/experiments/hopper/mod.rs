@@ -47,9 +47,9 @@ const RESPONSES: &[Response] = &[
     number("mean_rate_kg_s", "kg/s", "Mean rate from 0.5 s until 80 % of the filled mass is out. The first 0.5 s do not count, \
                                       because fillets spill out when the shutter opens.").headline(),
     indicator("jammed",
-        "Whether the hopper jammed: nothing passed the gate for `jam_after_s` (or `when_jammed_s`, if shorter), while at least 5 % of \
-         the filled mass was inside. A jam counts even if the flow starts again later. Null if the simulation was shorter than this \
-         time and the hopper did not empty.").headline(),
+        "Whether the hopper jammed: nothing passed the gate for the jam time, while at least 5 % of the filled mass was inside. The \
+         jam time is `jam_after_s`, or `when_jammed_s` if this time is set and shorter. A jam counts even if the flow starts again \
+         later. Null if the simulation was shorter than the jam time and the hopper did not empty.").headline(),
     number("time_to_jam_s", "s",
         "Time of the last passage of mass through the gate plane before the first jam. The time is 0 if nothing passed before the \
          jam. Null without a jam. The mean over replicates is therefore a mean over the jammed runs only."),
@@ -87,8 +87,8 @@ const RESPONSES: &[Response] = &[
     number("lowest_rate_ratio", "", "The ratio q: minimum of the 1 s running mean of the rate, divided by `belt_capacity_kg_s`. The \
                                      minimum is taken from 0.5 s until 80 % of the filled mass is out."),
     number("linearity_r2", "", "R² of a straight line through the series `discharged_mass`, from 0 to `linearity_until_s`."),
-    number("linearity_until_s", "s", "Time at which the straight line of `linearity_r2` ends: 4 s, or earlier if 80 % of the filled \
-                                      mass was out or the simulation ended."),
+    number("linearity_until_s", "s", "Time at which the straight line of `linearity_r2` ends: 4 s, or the earlier time at which 80 % \
+                                      of the filled mass was out or the simulation ended."),
     number("greatest_height_m", "m",
         "Height of the top of the highest sub-particle that is in the hopper at the end, measured from the plane z = 0. A fillet \
          that hangs on a wall also counts."),

@@ -39,7 +39,8 @@ pub struct BodySpec {
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     vector("/scene/gravity_direction", "", Preset::Vector([0.0, 0.0, -1.0]), from_to(-1.0, 1.0), "assumed",
-        "Direction of gravity, as a vector. Its length does not matter, because `/numerics/gravity_m_s2` is the acceleration."),
+        "Direction of gravity, as a vector. The length of this vector has no effect, because `/numerics/gravity_m_s2` sets the \
+         acceleration."),
     number("/scene/margin_m", "m", 0.5, above_to(0.0, 10.0), "numerics",
         "Distance from the bounding box of the scene at the start. A sub-particle that is farther outside this box leaves the \
          simulation."),
