@@ -197,7 +197,10 @@ mod tests {
         let judged = |values: &[f64]| row().values(values).demand(Demand::AtMost(33.0));
         assert_eq!(judged(&[32.0, 32.1, 32.2]).note, "");
         let open = judged(&[32.0, 33.5]);
-        assert_eq!((open.holds, &*open.note), (Some(true), "the 95 % interval contains a limit of the demand"));
+        assert_eq!(
+            (open.holds, &*open.note),
+            (Some(true), "the 95 % interval contains a limit of the demand")
+        );
     }
 
     #[test]

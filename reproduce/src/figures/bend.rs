@@ -149,11 +149,15 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     ];
     for radius_m in BARS_M {
         let name = bar_name(radius_m);
-        rows.push(with_angle(Row::new(NAME, format!("bend angle of size 2, not turned, over a {name}"), "°").paper("> 120"), &name));
+        rows.push(with_angle(
+            Row::new(NAME, format!("bend angle of size 2, not turned, over a {name}"), "°").paper("> 120"),
+            &name,
+        ));
     }
     let coarse_mm = significant(COARSE * profile.radius_m * 1e3);
     rows.push(with_angle(
-        Row::new(NAME, format!("bend angle of size 2, not turned, with R = {coarse_mm} mm"), "°").paper("> 120"),
+        Row::new(NAME, format!("bend angle of size 2, not turned, with R = {coarse_mm} mm"), "°")
+            .paper("> 120"),
         "coarse",
     ));
     for size in ["size 1", "size 3"] {

@@ -110,7 +110,10 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     const NAME: &str = "Fig. 6";
     let lattice_pa = |name: &str| results.first_response(name, "modulus_lattice_pa");
     let plates_pa = |name: &str| results.first_response(name, "modulus_pa");
-    let rate = format!("strain rate {} 1/s; the strain rate of the paper is 0.0017 1/s", significant(profile.strain_rate_1_s));
+    let rate = format!(
+        "strain rate {} 1/s; the strain rate of the paper is 0.0017 1/s",
+        significant(profile.strain_rate_1_s)
+    );
     let to_kpa = |pascal: Option<f64>| pascal.map(|pascal| pascal / 1e3);
     let mut rows = Vec::new();
     for (name, radius_m, _, _) in &BLOCKS[..2] {

@@ -161,7 +161,9 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
 /// Minimum and maximum of the values as a text.
 fn range_text(seeds: &Replicates) -> String {
     let range = seeds.range().filter(|_| seeds.values.len() > 1);
-    range.map_or_else(String::new, |(low, high)| format!("the range is from {} to {}", rounded(low, 2), rounded(high, 2)))
+    range.map_or_else(String::new, |(low, high)| {
+        format!("the range is from {} to {}", rounded(low, 2), rounded(high, 2))
+    })
 }
 
 /// A finding if the mean sliding angle is below atan μ.

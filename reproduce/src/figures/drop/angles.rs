@@ -96,9 +96,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .paper("outlook of the paper")
             .replicates(&enhanced(ON_END))
             .demand(Demand::AtLeast(0.99))
-            .note(
-                "bonds stiffen before they break, as the outlook of the paper suggests",
-            ),
+            .note("bonds stiffen before they break, as the outlook of the paper suggests"),
     );
     let curve_of = |label: &str, multiple: &str, style, is_pitch: bool| {
         let shown = ORIENTATIONS.into_iter().filter(move |(_, pitch, roll)| {

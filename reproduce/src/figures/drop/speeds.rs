@@ -116,7 +116,10 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         Row::new(NAME, "number of points with more than half of the bonds intact", "")
             .paper("highlighted as stable")
             .value(Some(stable as f64), points.iter().map(|share| share.n).sum())
-            .note(format!("of {} points; a point is a combination of stiffness, orientation and speed", points.len())),
+            .note(format!(
+                "of {} points; a point is a combination of stiffness, orientation and speed",
+                points.len()
+            )),
     );
     let curves = MULTIPLES.into_iter().enumerate().flat_map(|(colour, (multiple, _))| {
         [FLAT, ON_END].into_iter().enumerate().map(move |(dash, orientation)| {

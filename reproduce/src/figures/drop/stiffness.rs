@@ -350,7 +350,11 @@ mod tests {
         assert_eq!(row(&good, "share of bonds intact, as published, S_t far above S_n").holds, Some(true));
         let bad = of(false, false);
         assert_eq!(verdicts(&bad)[2], ("sound in 2 of 3".to_owned(), false));
-        assert_eq!(row(&bad, "share of bonds intact, as published, S_t far above S_n").n, 2, "diverged runs enter no mean");
+        assert_eq!(
+            row(&bad, "share of bonds intact, as published, S_t far above S_n").n,
+            2,
+            "diverged runs enter no mean"
+        );
         assert_eq!(verdicts(&of(true, true))[0], ("unstable in 2 of 3".to_owned(), false), "a failed run");
     }
 }
