@@ -31,8 +31,8 @@ pub(super) async fn measure(rows: &mut Rows, results: &Results, many: u64) -> Re
 
 /// The longest wait of other requests while a sweep of 100,000 points is submitted, cancelled and deleted.
 async fn large_changes(rows: &mut Rows, results: &Results) -> Result<()> {
-    let data = tempfile::tempdir()?;
-    let (_server, client) = start(data.path()).await?;
+    let data = rows.new_data()?;
+    let (_server, client) = start(&data).await?;
     for _ in 0..8 {
         client.post("/v1/sweeps", &replicate_sweep(SEEDS)).await?;
     }
@@ -90,8 +90,8 @@ async fn longest_wait<T>(
 
 /// A sweep of many points: the time until it is accepted, and the growth of the server's memory meanwhile.
 async fn large_sweep(rows: &mut Rows, points: u64) -> Result<()> {
-    let data = tempfile::tempdir()?;
-    let (server, client) = start(data.path()).await?;
+    let data = rows.new_data()?;
+    let (server, client) = start(&data).await?;
     // Fills the caches, as in a running service.
     client.post("/v1/sweeps", &random_sweep(10_000)).await?;
     let (before, mut most) = (server.memory_mib()?, 0.0_f64);

@@ -1,7 +1,6 @@
 //! The measurement of each target.
 
 use std::collections::HashMap;
-use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -12,10 +11,12 @@ use tokio::time::sleep;
 use uuid::Uuid;
 
 use super::clients::{ApiClient, Results, SEEDS, grid_sweep, p99_ms, replicate_sweep, timed};
+use super::data::{Data, Postgres};
 use super::server::Server;
 use super::{Args, Row, Target, large_sweeps, studies};
 
 const PAIRS: &str = "claim and result pairs, on disk before the answer";
+const PAIRS_OF_TWO: &str = "pairs with two servers";
 const CLAIM: &str = "claim with 100,000 queued, p99";
 const CLAIM_OF_MANY: &str = "claim with many queued, p99";
 const WAITING: &str = "submission to claim by a waiting worker, p99";
@@ -34,11 +35,15 @@ const WORKERS: usize = 32;
 
 /// Measures the requested rows.
 pub(super) async fn measure(args: &Args) -> Result<Vec<Row>> {
-    let mut rows = Rows { only: args.only.clone(), rows: Vec::new() };
+    let postgres = args.postgres.as_deref().map(Postgres::at).transpose()?;
+    let mut rows = Rows { only: args.only.clone(), postgres, rows: Vec::new() };
     let length = Duration::from_secs(args.seconds);
     let results = Arc::new(Results::prepare()?);
     if rows.includes(&[PAIRS]) {
-        pairs(&mut rows, &results, length).await?;
+        pairs(&mut rows, PAIRS, 1, (&results, length)).await?;
+    }
+    if args.postgres.is_some() && rows.includes(&[PAIRS_OF_TWO]) {
+        pairs(&mut rows, PAIRS_OF_TWO, 2, (&results, length)).await?;
     }
     if rows.includes(&[SWEEP, WAITING, POLLS, POLLS_CPU, STOP]) {
         waiting_and_polls(&mut rows, length).await?;
@@ -60,6 +65,7 @@ pub(super) async fn measure(args: &Args) -> Result<Vec<Row>> {
 /// The measured rows.
 pub(super) struct Rows {
     only: Vec<String>,
+    postgres: Option<Postgres>,
     rows: Vec<Row>,
 }
 
@@ -67,6 +73,11 @@ impl Rows {
     /// Whether one of these is asked for.
     pub(super) fn includes(&self, names: &[&str]) -> bool {
         self.only.is_empty() || names.iter().any(|name| self.only.iter().any(|start| name.starts_with(start)))
+    }
+
+    /// An empty folder and an empty database for a server.
+    pub(super) fn new_data(&self) -> Result<Data> {
+        Data::new(self.postgres.clone())
     }
 
     /// Adds a row that is asked for.
@@ -79,15 +90,25 @@ impl Rows {
 }
 
 /// Starts a server.
-pub(super) async fn start(data: &Path) -> Result<(Server, ApiClient)> {
+pub(super) async fn start(data: &Data) -> Result<(Server, ApiClient)> {
     let server = Server::start(data).await?;
     let client = ApiClient::new(&server.url)?;
     Ok((server, client))
 }
 
-async fn pairs(rows: &mut Rows, results: &Arc<Results>, length: Duration) -> Result<()> {
-    let data = tempfile::tempdir()?;
-    let (_server, client) = start(data.path()).await?;
+/// Claims and delivers through a server, or in turns through two servers of one PostgreSQL database.
+async fn pairs(
+    rows: &mut Rows,
+    name: &'static str,
+    servers: usize,
+    (results, length): (&Arc<Results>, Duration),
+) -> Result<()> {
+    let data = rows.new_data()?;
+    let mut running = Vec::new();
+    for _ in 0..servers {
+        running.push(start(&data).await?);
+    }
+    let client = &running[0].1;
     let jobs = 8000 * length.as_secs();
     for _ in 0..jobs.div_ceil(SEEDS) {
         client.post("/v1/sweeps", &replicate_sweep(SEEDS)).await?;
@@ -103,15 +124,15 @@ async fn pairs(rows: &mut Rows, results: &Arc<Results>, length: Duration) -> Res
         }
         anyhow::Ok(done)
     };
-    let workers = (0..WORKERS).map(|_| worker(client.clone(), results.clone()));
+    let workers = (0..WORKERS).map(|number| worker(running[number % servers].1.clone(), results.clone()));
     let (done, took) = timed(async { try_join_all(workers).await }).await?;
-    rows.add(PAIRS, done.iter().sum::<u64>() as f64 / took.as_secs_f64(), "1/s", Target::AtLeast(3000.0));
+    rows.add(name, done.iter().sum::<u64>() as f64 / took.as_secs_f64(), "1/s", Target::AtLeast(3000.0));
     Ok(())
 }
 
 async fn waiting_and_polls(rows: &mut Rows, length: Duration) -> Result<()> {
-    let data = tempfile::tempdir()?;
-    let (server, client) = start(data.path()).await?;
+    let data = rows.new_data()?;
+    let (server, client) = start(&data).await?;
     // Fills the caches, as in a running service.
     client.post("/v1/sweeps", &grid_sweep(4)).await?;
     let (accepted, took) = timed(client.post("/v1/sweeps", &grid_sweep(10_000))).await?;
@@ -184,8 +205,8 @@ async fn polls(
 
 async fn heartbeats(rows: &mut Rows, length: Duration) -> Result<()> {
     const MANY: u64 = 2000;
-    let data = tempfile::tempdir()?;
-    let (server, client) = start(data.path()).await?;
+    let data = rows.new_data()?;
+    let (server, client) = start(&data).await?;
     for _ in 0..MANY.div_ceil(SEEDS) {
         client.post("/v1/sweeps", &replicate_sweep(SEEDS)).await?;
     }
@@ -213,8 +234,8 @@ async fn heartbeats(rows: &mut Rows, length: Duration) -> Result<()> {
 
 /// Kills the server repeatedly while workers claim and deliver. `tests/faults/` does more, with real workers.
 async fn kills(rows: &mut Rows, results: &Arc<Results>) -> Result<()> {
-    let data = tempfile::tempdir()?;
-    let (mut server, client) = start(data.path()).await?;
+    let data = rows.new_data()?;
+    let (mut server, client) = start(&data).await?;
     let mut submitted = 0;
     for _ in 0..20 {
         client.post("/v1/sweeps", &replicate_sweep(SEEDS)).await?;
@@ -256,7 +277,7 @@ async fn kills(rows: &mut Rows, results: &Arc<Results>) -> Result<()> {
     let killing = async {
         for _ in 0..20 {
             sleep(Duration::from_millis(fastrand::u64(50..300))).await;
-            server = server.kill_and_restart(data.path()).await?;
+            server = server.kill_and_restart(&data).await?;
         }
         anyhow::Ok(server)
     };
@@ -286,8 +307,8 @@ fn record_newest(newest: &Mutex<HashMap<Uuid, u32>>, job: Uuid, attempt: u32) {
 
 async fn many_jobs(rows: &mut Rows, jobs: u64) -> Result<()> {
     const BATCH: u64 = 10_000;
-    let data = tempfile::tempdir()?;
-    let (server, client) = start(data.path()).await?;
+    let data = rows.new_data()?;
+    let (server, client) = start(&data).await?;
     let worker = client.register().await?;
     let claims = async || {
         let mut times = Vec::new();

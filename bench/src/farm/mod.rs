@@ -1,9 +1,10 @@
 //! `roost bench farm`: the targets of the service, measured against a server process.
 //!
-//! [`server`] starts the process, [`clients`] simulates users and workers, [`measurements`], [`large_sweeps`] and
+//! [`server`] starts the process on its [`data`], [`clients`] simulates users and workers, [`measurements`], [`large_sweeps`] and
 //! [`studies`] measure each target.
 
 mod clients;
+mod data;
 mod large_sweeps;
 mod measurements;
 mod server;
@@ -32,6 +33,11 @@ pub(super) struct Args {
     /// Duration of each timed measurement
     #[arg(long, default_value_t = 10, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..=600))]
     seconds: u64,
+    /// PostgreSQL address; every server then gets a database of its own, which is dropped afterwards
+    ///
+    /// The role must be allowed to create databases. The command calls the programs `createdb` and `dropdb` of PostgreSQL.
+    #[arg(long, value_name = "URL")]
+    postgres: Option<String>,
     /// Print JSON: rows of name, value, unit and target
     #[arg(long)]
     json: bool,

@@ -1,11 +1,12 @@
 //! A server process that is started, observed, killed and restarted.
 
-use std::path::Path;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use tokio::process::{Child, Command};
+
+use super::data::Data;
 
 /// A server process. Port and data folder stay the same after a restart.
 pub(super) struct Server {
@@ -27,18 +28,18 @@ impl Drop for Server {
 
 impl Server {
     /// Starts a server and waits until it accepts connections.
-    pub(super) async fn start(data: &Path) -> Result<Self> {
+    pub(super) async fn start(data: &Data) -> Result<Self> {
         let free_address = std::net::TcpListener::bind("127.0.0.1:0")?.local_addr()?;
         Self::start_at(data, &free_address.to_string()).await
     }
 
-    async fn start_at(data: &Path, listen: &str) -> Result<Self> {
+    async fn start_at(data: &Data, listen: &str) -> Result<Self> {
         let mut command = Command::new(std::env::current_exe()?);
         // Without a limit of attempts, no kill fails a job.
         let limits = ["--lost-attempts", "0", "--worker-attempts", "0", "--retry-pause-s", "0.1"];
         command
-            .args(["serve", "--listen", listen, "--data"])
-            .arg(data)
+            .args(["serve", "--listen", listen])
+            .args(data.options())
             .args(limits)
             .env("ROOST_LOG", "error");
         let child =
@@ -55,7 +56,7 @@ impl Server {
     }
 
     /// Kills the process with SIGKILL and starts another one.
-    pub(super) async fn kill_and_restart(mut self, data: &Path) -> Result<Self> {
+    pub(super) async fn kill_and_restart(mut self, data: &Data) -> Result<Self> {
         self.child.kill().await?;
         Self::start_at(data, &self.listen).await
     }

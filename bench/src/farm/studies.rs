@@ -30,8 +30,8 @@ pub(super) async fn measure(rows: &mut Rows, length: Duration) -> Result<()> {
     if !rows.includes(&[BUSY, RUNS]) {
         return Ok(());
     }
-    let data = tempfile::tempdir()?;
-    let (_server, client) = start(data.path()).await?;
+    let data = rows.new_data()?;
+    let (_server, client) = start(&data).await?;
     let study = client.post("/v1/studies", &question()).await?;
     let from = Instant::now() + START;
     let until = from + 6 * length;
