@@ -21,7 +21,8 @@ words!(
         LatinHypercube = "latin_hypercube",
         /// Points of a Sobol sequence with Owen's scrambling, which cover the factors evenly; best at powers of two.
         Sobol = "sobol",
-        /// Box–Behnken points at the midpoints of edges and one centre point, for quadratic models of 3 to 7 factors.
+        /// Box–Behnken points, for quadratic models of 3 to 7 factors: two or three factors are low or high, and the others in the
+        /// middle. One more point is the centre.
         BoxBehnken = "box_behnken",
         /// The points in `rows`.
         List = "list",

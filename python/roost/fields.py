@@ -177,8 +177,8 @@ class HopperNumericsStop(TypedDict, total=False):
     """These conditions end a simulation before its duration is over."""
 
     when_empty: bool
-    """Whether the simulation ends when every fillet has left the hopper or the scene. Source: numerics. Default: true.
-    """
+    """Whether the simulation ends when nothing is left. In a hopper, every fillet has then passed the gate. In a scene,
+    every body has then left the simulated space. Source: numerics. Default: true."""
     when_jammed_s: float | None
     """The simulation ends when nothing has passed the gate for this time, even if little mass is left inside. Null: a
     jam does not end the simulation. Unit: s. Source: numerics. Default: null. Range: > 0 and ≤ 600."""
@@ -223,8 +223,8 @@ class SceneNumericsStop(TypedDict, total=False):
     """Whether the simulation ends as soon as its result is known. For example: the fillets rest, the fillet slides, or
     the block is compressed. Source: numerics. Default: false."""
     when_empty: bool
-    """Whether the simulation ends when every fillet has left the hopper or the scene. Source: numerics. Default: true.
-    """
+    """Whether the simulation ends when nothing is left. In a hopper, every fillet has then passed the gate. In a scene,
+    every body has then left the simulated space. Source: numerics. Default: true."""
 
 
 class Bonds(TypedDict, total=False):

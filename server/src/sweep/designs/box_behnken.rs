@@ -1,4 +1,5 @@
-//! Box–Behnken: the middles of edges, for quadratic models of 3 to 7 factors, with one centre.
+//! Box–Behnken, for quadratic models of 3 to 7 factors: two or three factors are low or high, and the others in the middle. One
+//! more point is the centre.
 
 use std::ops::RangeInclusive;
 

@@ -30,7 +30,8 @@ const RESPONSES: &[Response] = &[
         "Distance by which the last layer of sub-particles at the tail sank, as a mean over the same time as `bend_angle_deg`. Null \
          if the support is not `clamped`.").headline(),
     number("time_to_rest_s", "s",
-        "Time at which the fillet came to rest. Null if the fillet did not come to rest, or if the support is `off_ledge`.").headline(),
+        "Time at which the fillet came to rest. Null if the fillet did not come to rest, or if a moving conveyor (`off_ledge`) \
+         carries the fillet.").headline(),
     number("bend_swing_deg", "°",
         "Swing of the fillet: half the range of the bend angle, over the same time as the mean in `bend_angle_deg`. Null if the \
          fillet fell off or tore."),

@@ -88,7 +88,8 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         .acts_from_start()
         .by_name(),
     flag("/numerics/stop/when_empty", true, "numerics",
-        "Whether the simulation ends when every fillet has left the hopper or the scene.")
+        "Whether the simulation ends when nothing is left. In a hopper, every fillet has then passed the gate. In a scene, every \
+         body has then left the simulated space.")
         .acts_from_start()
         .by_name(),
     nullable("/numerics/stop/when_jammed_s", "s", TIME, "numerics",
