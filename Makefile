@@ -101,8 +101,8 @@ dashboard-check:
 		$(DASHBOARD_TOOLS)/node_modules/.bin/tsc --project .ci/dashboard; \
 	else echo "the types of the dashboard are not checked: TypeScript cannot be installed (it needs node and npm)"; fi
 
-# The tables of docs/validation.md: simulates the paper's figures at the current solver revision, in about an hour on two cores. The
-# results in target/validation let a stopped call continue.
+# The tables of docs/validation.md: simulates the paper's figures at the current solver revision. The results in target/validation
+# let a stopped call continue.
 validation: needs
 	cargo run -- reproduce --standard --commit "$$(git describe --always --dirty --exclude '*')" -o target/validation
 	cp target/validation/report.json docs/data/validation.json

@@ -1,6 +1,6 @@
 //! The validation page: its data are a complete standard report of the current solver, and its tables are those of the data.
 //!
-//! `make validation` simulates the report and writes both; it takes about an hour on two cores.
+//! `make validation` simulates the report and writes both; docs/reproduce.md states how long it takes.
 
 #[path = "../solver/tests/common/generated.rs"]
 mod generated;

@@ -41,7 +41,7 @@ pub struct Args {
     /// A slice of the hopper with coarse sub-particles, and few seeds: under 10 minutes on two cores (the default)
     #[arg(long, group = "size")]
     quick: bool,
-    /// The hopper at full width, and more seeds: under 2 hours on two cores
+    /// The hopper at full width, and more seeds: half an hour to two hours, by machine
     #[arg(long, group = "size")]
     standard: bool,
     /// Sub-particles as small as in the paper: a night on two cores

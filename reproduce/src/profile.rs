@@ -1,4 +1,4 @@
-//! Profiles: the sizes of all simulations, for a report of ten minutes, two hours or a night.
+//! Profiles: the sizes of all simulations of a report, from some minutes to a night.
 
 use clap::ValueEnum;
 

@@ -24,7 +24,7 @@ fn hopper(radius_m: f64, formulation: &str) -> Scenario {
 
 #[test]
 fn automatic_time_steps_match_the_documented_table() {
-    // In microseconds, at the defaults: docs/verification.md quotes these.
+    // In microseconds, at the defaults: docs/theory/numerics.md quotes these.
     let table = [
         (0.004, [518, 656, 776]),
         (0.005, [668, 845, 1000]),
