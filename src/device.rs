@@ -16,7 +16,7 @@ pub(crate) struct DeviceArgs {
     /// Accept a GPU that software emulates. Use this option only for tests, because the CPU backend is faster
     #[arg(long)]
     allow_software: bool,
-    /// Maximum GPU memory of all jobs together, in MiB. With this option, the worker refuses a job that needs more memory. Without
+    /// Maximum GPU memory of all jobs together, in MiB. With this option, Roost refuses a job that needs more memory. Without
     /// this option, the maximum is 4096 MiB, and a job that needs more memory runs alone
     #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
     gpu_memory: Option<u32>,
