@@ -46,12 +46,15 @@ pub fn probability(latent: f64) -> f64 {
     1.0 / (1.0 + (-latent).exp())
 }
 
+/// ln(1 + exp f) without overflow.
+pub(super) fn softplus(latent: f64) -> f64 {
+    latent.max(0.0) + (-latent.abs()).exp().ln_1p()
+}
+
 /// ln p(s | f).
 fn log_likelihood(counts: &[Counted], latent: &DVector<f64>) -> f64 {
-    let terms = counts.iter().zip(latent.iter()).map(|(counted, f)| {
-        // ln(1 + exp f) without overflow.
-        counted.count * f - counted.n * (f.max(0.0) + (-f.abs()).exp().ln_1p())
-    });
+    let terms =
+        counts.iter().zip(latent.iter()).map(|(counted, f)| counted.count * f - counted.n * softplus(*f));
     terms.sum()
 }
 

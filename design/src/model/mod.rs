@@ -10,6 +10,7 @@ pub mod kernel;
 mod noise;
 mod posterior;
 mod prior;
+mod root;
 mod search;
 mod subset;
 #[cfg(test)]
@@ -43,7 +44,10 @@ const ORDINARY: std::ops::Range<f64> = 1e-100..1e100;
 /// The likelihood of a model.
 #[derive(Clone, Debug)]
 enum Likelihood {
-    Binomial,
+    Binomial {
+        /// The counts at the points of the data.
+        counts: Vec<Counted>,
+    },
     Gaussian {
         /// Mean and standard deviation of the means of points, in the unit of the response.
         centre: f64,
@@ -190,7 +194,7 @@ impl Model {
         })?;
         let posterior = |kernel| Some(binomial::fit(points, &counts, kernel, start.as_ref())?.posterior);
         let alternatives = around.iter().filter_map(|(kernel, _)| posterior(kernel)).collect();
-        Some((posterior(&kernel)?, alternatives, Likelihood::Binomial))
+        Some((posterior(&kernel)?, alternatives, Likelihood::Binomial { counts }))
     }
 
     fn of_means(
@@ -243,7 +247,7 @@ impl Model {
     /// The latent value of a probability or mean.
     pub fn latent(&self, value: f64) -> f64 {
         match &self.likelihood {
-            Likelihood::Binomial => (value / (1.0 - value)).ln(),
+            Likelihood::Binomial { .. } => (value / (1.0 - value)).ln(),
             Likelihood::Gaussian { centre, spread, .. } => (value - centre) / spread,
         }
     }
@@ -251,8 +255,33 @@ impl Model {
     /// The probability or mean of a latent value.
     pub fn value(&self, latent: f64) -> f64 {
         match &self.likelihood {
-            Likelihood::Binomial => binomial::probability(latent),
+            Likelihood::Binomial { .. } => binomial::probability(latent),
             Likelihood::Gaussian { centre, spread, .. } => centre + spread * latent,
+        }
+    }
+
+    /// Whether the latent function is normal for given hyperparameters; for a probability it only is so by Laplace's approximation.
+    pub(crate) fn is_normal(&self) -> bool {
+        matches!(self.likelihood, Likelihood::Gaussian { .. })
+    }
+
+    /// u at the points of a prediction by one of the posteriors: Φ(u) is the probability that the latent function is above a level. Of a
+    /// mean it is (m − ℓ)/s, of a probability the signed root (`root`).
+    pub(crate) fn distances(
+        &self,
+        posterior: &Posterior,
+        points: &DMatrix<f64>,
+        prediction: &Prediction,
+        level: f64,
+    ) -> Vec<f64> {
+        match &self.likelihood {
+            Likelihood::Gaussian { .. } => {
+                let latents = prediction.means.iter().zip(prediction.variances.iter());
+                latents.map(|(mean, variance)| (mean - level) / variance.sqrt()).collect()
+            }
+            Likelihood::Binomial { counts } => {
+                root::signed_roots(posterior, counts, points, prediction, level)
+            }
         }
     }
 
@@ -263,7 +292,7 @@ impl Model {
             Likelihood::Gaussian { noise, variance, .. } => {
                 noise.at(points).iter().map(|relative| (relative * variance).max(1e-10)).collect()
             }
-            Likelihood::Binomial => {
+            Likelihood::Binomial { .. } => {
                 let latents = prediction.means.iter().zip(prediction.variances.iter());
                 latents.map(|(mean, variance)| 1.0 / information(*mean, variance.sqrt())).collect()
             }

@@ -82,4 +82,16 @@ impl Posterior {
         covariances.gemm_tr(-1.0, &prediction.reductions, &prediction.reductions, 1.0);
         covariances
     }
+
+    /// Covariances between the points of the data, whose prediction is `data`, and those of another prediction.
+    pub(super) fn covariances_with(
+        &self,
+        data: &Prediction,
+        points: &DMatrix<f64>,
+        prediction: &Prediction,
+    ) -> DMatrix<f64> {
+        let mut covariances = self.kernel.matrix(&self.points, points);
+        covariances.gemm_tr(-1.0, &data.reductions, &prediction.reductions, 1.0);
+        covariances
+    }
 }

@@ -2,15 +2,16 @@
 //!
 //! | symbol | meaning |
 //! |---|---|
-//! | m, s, ℓ | posterior mean and deviation of the latent function at x, its level at the boundary |
-//! | u | (m − ℓ) / s |
+//! | s | posterior deviation of the latent function at x |
+//! | u | its distance from the level in deviations: Φ(u) is the probability above the level |
 //! | s₊ | deviation at x after one more run at c |
 //! | gain of c | Σ φ(u) (1 − s₊/s) over points x that fill the range |
 //!
 //! The expected share of the range on the wrong side is ∫ Φ(−|u|) dx. Across the boundary this is s √(2/π) divided by the slope of
 //! m, so that the gain, with weights φ(u)/s, is its reduction by a run at c. It is the integrated contour uncertainty of Lyu, Binois and
 //! Ludkovski 2021 in the weights of Picheny et al. 2010. A run at an old point informs as a run at a new one does, but costs the
-//! model no point: a replicate is chosen when its gain is almost that of the best new point (Binois et al. 2019).
+//! model no point: a replicate is chosen when its gain is almost that of the best new point (Binois et al. 2019). Runs in flight reduce s
+//! and leave u s as it is.
 
 use super::Boundary;
 use crate::decision::Proposal;
@@ -45,16 +46,20 @@ pub(super) fn proposals(goal: &Boundary, study: &Study<'_>, model: &Model) -> Ve
     let (mut candidates, filling) = candidates(goal, study, model);
     let coordinates: Vec<Vec<f64>> =
         candidates.iter().map(|candidate| candidate.point.coordinates()).collect();
-    let mut fantasies = Fantasies::new(model, &columns(study.question.factors.len(), &coordinates));
+    let at = columns(study.question.factors.len(), &coordinates);
+    let mut fantasies = Fantasies::new(model, &at);
+    let prediction = model.posterior.predict(&at);
+    let distances = model.distances(&model.posterior, &at, &prediction, model.latent(goal.level));
+    let gap = |index: usize| distances[index] * fantasies.deviation(index);
+    let gaps: Vec<f64> = (0..candidates.len()).map(gap).collect();
     for (index, candidate) in candidates.iter().enumerate().filter(|(_, candidate)| candidate.is_known) {
         let pending = study.evidence.at(&candidate.point).map_or(0, |runs| runs.pending());
         (0..pending).for_each(|_| fantasies.observe(index));
     }
-    let level = model.latent(goal.level);
     let mut points = candidates.iter().filter(|candidate| candidate.is_known).count();
     let mut proposals = Vec::new();
     while proposals.len() < study.room {
-        let gains = gains(&fantasies, level, &filling);
+        let gains = gains(&fantasies, &gaps, &filling);
         let best = |is_known: bool| {
             let allowed =
                 |index: &usize| candidates[*index].room > 0 && candidates[*index].is_known == is_known;
@@ -125,11 +130,11 @@ fn candidates(goal: &Boundary, study: &Study<'_>, model: &Model) -> (Vec<Candida
     (candidates, filling)
 }
 
-/// The gain of one run at each candidate.
-fn gains(fantasies: &Fantasies, level: f64, filling: &[usize]) -> Vec<f64> {
+/// The gain of one run at each candidate; gaps are u s.
+fn gains(fantasies: &Fantasies, gaps: &[f64], filling: &[usize]) -> Vec<f64> {
     let weighted = filling.iter().filter_map(|point| {
         let deviation = fantasies.deviation(*point);
-        let u = (fantasies.means[*point] - level) / deviation;
+        let u = gaps[*point] / deviation;
         let weight = (-0.5 * u * u).exp();
         (weight > 1e-6).then_some((*point, weight, 1.0 / (deviation * deviation)))
     });
@@ -143,5 +148,5 @@ fn gains(fantasies: &Fantasies, level: f64, filling: &[usize]) -> Vec<f64> {
         });
         terms.sum::<f64>()
     };
-    (0..fantasies.means.len()).map(gain).collect()
+    (0..gaps.len()).map(gain).collect()
 }

@@ -2,16 +2,20 @@
 //!
 //! | symbol | meaning |
 //! |---|---|
-//! | m, s | posterior mean and standard deviation of the latent function at a point of the map |
+//! | m | posterior mean of the latent function at a point of the map |
 //! | ℓ | its level at the boundary |
+//! | s | standard deviation with which Φ(−\|m − ℓ\|/s) is the posterior probability of the other side |
 //! | z | the band is where \|m − ℓ\| ≤ z s; elsewhere the side of the boundary is known |
 //!
 //! The boundary is inside the band when every point outside is on the side of its mean. For a draw f from the joint posterior,
 //! the smallest z with this property is the maximum of |m − ℓ|/s over the points where f and m are on different sides. The z of
-//! the answer is the 95 % quantile over draws, hence a statement about the whole boundary, not about each point
-//! (after Bolin and Lindgren 2015).
+//! the answer is the 95 % quantile over draws, hence a statement about the whole boundary, not about each point. Draws are normal,
+//! and shifted such that each point is as often beyond the level as its posterior says (the quantile correction of Bolin and
+//! Lindgren 2015).
 
-use nalgebra::DMatrix;
+use std::f64::consts::FRAC_1_SQRT_2;
+
+use nalgebra::{DMatrix, DVector};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::{Deserialize, Serialize};
@@ -20,7 +24,7 @@ use statrs::function::erf::erfc;
 
 use crate::factor::Factor;
 use crate::model::kernel::columns;
-use crate::model::{Model, Prediction};
+use crate::model::{Model, Posterior, Prediction};
 use crate::space::{mixed_seed, snapped, sobol};
 
 /// Number of draws from the posterior.
@@ -32,6 +36,10 @@ const FAR: f64 = 4.0;
 /// Number of points that fill the range, and the stream of their seed.
 const FILLING: usize = 1024;
 const FILLING_STREAM: u64 = 1;
+/// Distance from the level, in deviations, below which the posterior counts as normal.
+const NEAR: f64 = 0.1;
+/// Least probability of a side.
+const LEAST: f64 = 1e-15;
 /// Confidence of the band.
 const CONFIDENCE: f64 = 0.95;
 
@@ -60,8 +68,7 @@ pub(super) struct Band {
 impl Band {
     pub(super) fn of(model: &Model, points: &[Vec<f64>], level: f64, seed: u64) -> Self {
         let map = columns(points[0].len(), points);
-        let (means, variances) = mixture(&predictions(model, &map));
-        let deviations = variances.iter().map(|variance| variance.sqrt()).collect();
+        let (means, deviations) = mixture(model, &map, level);
         let mut band = Self { means, deviations, level, multiplier: f64::INFINITY };
         band.multiplier = band.quantile(model, &map, seed);
         band
@@ -106,8 +113,11 @@ impl Band {
             let numbers =
                 DMatrix::from_fn(chosen.len(), DRAWS.div_ceil(posteriors), |_, _| normal(&mut random));
             let mut draws = factor.l() * numbers;
+            let distances = model.distances(posterior, &points, &prediction, self.level);
+            let gaps = distances.iter().zip(prediction.variances.iter());
+            let gaps = DVector::from_iterator(chosen.len(), gaps.map(|(u, variance)| u * variance.sqrt()));
             for mut draw in draws.column_iter_mut() {
-                draw += &prediction.means;
+                draw += &gaps;
             }
             needed.extend(draws.column_iter().map(|draw| self.needed(&chosen, draw.as_slice())));
         }
@@ -115,12 +125,10 @@ impl Band {
         needed[(CONFIDENCE * needed.len() as f64).ceil() as usize - 1].max(pointwise)
     }
 
-    /// The smallest z whose band holds the boundary of a draw at some points.
+    /// The smallest z whose band holds the boundary of a draw, which has differences from the level at some points.
     fn needed(&self, points: &[usize], draw: &[f64]) -> f64 {
-        let wrong = points
-            .iter()
-            .zip(draw)
-            .filter(|(point, value)| (self.means[**point] - self.level) * (**value - self.level) < 0.0);
+        let wrong =
+            points.iter().zip(draw).filter(|(point, gap)| (self.means[**point] - self.level) * **gap < 0.0);
         wrong.map(|(point, _)| self.distance(*point).abs()).fold(0.0, f64::max)
     }
 }
@@ -134,29 +142,40 @@ pub(super) fn misclassified(model: &Model, factors: &[Factor], level: f64, seed:
     let point = |index| snapped(factors, sobol(index, factors.len(), seed));
     let points: Vec<Vec<f64>> = (0..FILLING).map(point).collect();
     let map = columns(factors.len(), &points);
-    let (means, variances) = mixture(&predictions(model, &map));
-    let latents = means.iter().zip(&variances);
-    let wrong = latents.map(|(mean, variance)| 0.5 * erfc((mean - level).abs() / (2.0 * variance).sqrt()));
-    wrong.sum::<f64>() / FILLING as f64
+    let (means, deviations) = mixture(model, &map, level);
+    let latents = means.iter().zip(&deviations);
+    latents.map(|(mean, deviation)| tail((mean - level).abs() / deviation)).sum::<f64>() / FILLING as f64
 }
 
-/// Predictions of all posteriors of a model.
-fn predictions(model: &Model, points: &DMatrix<f64>) -> Vec<Prediction> {
-    model.posteriors().map(|posterior| posterior.predict(points)).collect()
+/// Φ(−u).
+fn tail(u: f64) -> f64 {
+    0.5 * erfc(u * FRAC_1_SQRT_2)
 }
 
-/// Means and variances of a mixture of predictions with the same weight.
-fn mixture(predictions: &[Prediction]) -> (Vec<f64>, Vec<f64>) {
-    let share = 1.0 / predictions.len() as f64;
-    let points = predictions[0].means.len();
-    let sum = |value: &dyn Fn(&Prediction) -> f64| predictions.iter().map(value).sum::<f64>() * share;
-    let mean = |point: usize| sum(&|prediction| prediction.means[point]);
-    let means: Vec<f64> = (0..points).map(mean).collect();
-    let variance = |point: usize| {
-        sum(&|prediction| prediction.variances[point] + (prediction.means[point] - means[point]).powi(2))
+/// Means of the latent function over all posteriors of a model, and deviations s: Φ(−|m − ℓ|/s) is the probability of the other side. The
+/// mixture of a mean counts as normal, which makes the band slightly wider.
+fn mixture(model: &Model, points: &DMatrix<f64>, level: f64) -> (Vec<f64>, Vec<f64>) {
+    let predicted = |posterior: &Posterior| {
+        let prediction = posterior.predict(points);
+        let distances = model.distances(posterior, points, &prediction, level);
+        (prediction, distances)
     };
-    let variances = (0..points).map(variance).collect();
-    (means, variances)
+    let predictions: Vec<(Prediction, Vec<f64>)> = model.posteriors().map(predicted).collect();
+    let mean_of = |value: &dyn Fn(&Prediction, &[f64]) -> f64| {
+        let values = predictions.iter().map(|(prediction, distances)| value(prediction, distances));
+        values.sum::<f64>() / predictions.len() as f64
+    };
+    let latents = (0..points.ncols()).map(|point| {
+        let mean = mean_of(&|prediction, _| prediction.means[point]);
+        let square = |found: &Prediction| found.variances[point] + (found.means[point] - mean).powi(2);
+        let deviation = mean_of(&|prediction, _| square(prediction)).sqrt();
+        let gap = mean - level;
+        let wrong = mean_of(&|_, distances| tail(gap.signum() * distances[point]));
+        let distance = -Normal::standard().inverse_cdf(wrong.max(LEAST));
+        let is_normal = model.is_normal() || gap.abs() < NEAR * deviation || distance < NEAR;
+        (mean, if is_normal { deviation } else { gap.abs() / distance })
+    });
+    latents.unzip()
 }
 
 /// A normal number of mean 0 and variance 1 (Box and Muller 1958).

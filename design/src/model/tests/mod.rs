@@ -185,6 +185,45 @@ fn fantasy_updates_variances_like_a_run_whose_result_is_the_mean() {
     }
 }
 
+#[test]
+fn signed_root_has_the_tail_of_the_exact_posterior() {
+    let kernel = kernel::Kernel { lengths: vec![0.7], levels: vec![0], variance: 10.0, constant: 9.0 };
+    let point = columns(1, &[[0.2]]);
+    let level = (0.2_f64 / 0.8).ln();
+    let tail = |u: f64| 0.5 * statrs::function::erf::erfc(u.abs() / std::f64::consts::SQRT_2);
+    for (count, n) in [(0.0, 20.0), (0.0, 60.0), (12.0, 12.0), (1.0, 20.0), (9.0, 24.0)] {
+        let counts = [Counted { count, n }];
+        let fit = binomial::fit(&point, &counts, &kernel, None).unwrap().posterior;
+        // At the point of the data, and at some distance from it.
+        for x in [0.2, 0.45] {
+            let at = columns(1, &[[x]]);
+            let prediction = fit.predict(&at);
+            let root = root::signed_roots(&fit, &counts, &at, &prediction, level)[0];
+            // The exact posterior at the point of the data, and given its value, that at x.
+            let (variance, covariance) = (kernel.diagonal(), kernel.matrix(&point, &at)[(0, 0)]);
+            let rest = (variance - covariance * covariance / variance).max(1e-9).sqrt();
+            let (mut sum, mut wrong) = (0.0, 0.0);
+            for step in -40_000..40_000 {
+                let f = f64::from(step) * 1e-3;
+                let weight = (count * f - n * binomial::softplus(f) - 0.5 * f * f / variance).exp();
+                sum += weight;
+                let u = (covariance / variance * f - level) / rest;
+                wrong += weight * if (u > 0.0) == (root > 0.0) { tail(u) } else { 1.0 - tail(u) };
+            }
+            let exact = wrong / sum;
+            let normal = tail((prediction.means[0] - level) / prediction.variances[0].sqrt());
+            let error = |tail: f64| (tail - exact).abs();
+            let found = tail(root);
+            let place = format!("{count} of {n} at {x}: exact {exact}, root {found}, normal {normal}");
+            assert!(error(found) <= error(normal) + 1e-3, "{place}");
+            // Where all runs agree, Laplace's approximation is far off.
+            let do_agree = count == 0.0 || count == n;
+            assert!(!do_agree || error(found) <= 0.5 * error(normal), "{place}");
+            assert!(count != 0.0 || x > 0.2 || normal > 10.0 * exact, "{place}");
+        }
+    }
+}
+
 fn range() -> Factor {
     Factor::range("x".into(), 0.0, 1.0)
 }

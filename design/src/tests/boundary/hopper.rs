@@ -57,6 +57,7 @@ fn the_boundary_of_a_simulated_hopper_is_found_with_a_quarter_of_its_runs() {
     let truth = truth();
     let max_runs = MAP.1 / 4;
     let (mut held, mut wrong) = (0, 0.0);
+    let (mut all, mut jam_free) = (0, 0);
     const REPETITIONS: u64 = 4;
     for repetition in 0..REPETITIONS {
         let mut random = Random(repetition);
@@ -65,10 +66,13 @@ fn the_boundary_of_a_simulated_hopper_is_found_with_a_quarter_of_its_runs() {
         let answer = answer(&decision);
         let share = misclassified(&truth, &answer.map);
         println!("{} of {} runs, {:.2} % wrong side", runs.len(), MAP.1, 100.0 * share);
+        all += runs.len();
+        jam_free += runs.iter().filter(|run| jam_probability(&run.point.coordinates()) == 0.0).count();
         assert!(runs.len() <= max_runs && answer.place == Place::Inside);
         held += usize::from(holds(&truth, answer));
         wrong += share / REPETITIONS as f64;
     }
+    assert!(4 * jam_free <= all, "{jam_free} of {all} runs are where nothing ever jams");
     assert!(held >= 3, "{held} of {REPETITIONS} bands hold the boundary");
     assert!(wrong <= 0.05, "{wrong} of the map is on the wrong side");
 }
