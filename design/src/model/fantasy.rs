@@ -11,8 +11,6 @@ use super::Model;
 /// The joint posterior of the latent function at candidates.
 #[derive(Clone, Debug)]
 pub(crate) struct Fantasies {
-    /// Posterior means.
-    pub(crate) means: Vec<f64>,
     /// Covariances.
     pub(crate) covariances: DMatrix<f64>,
     /// Variance of the latent function as one run would see it.
@@ -26,7 +24,6 @@ impl Fantasies {
         Self {
             covariances: model.posterior.covariances(candidates, &prediction),
             noise: model.noise(candidates, &prediction),
-            means: prediction.means.as_slice().to_vec(),
         }
     }
 

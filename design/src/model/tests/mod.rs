@@ -167,7 +167,6 @@ fn fantasy_updates_variances_like_a_run_whose_result_is_the_mean() {
     let before = fit(&case.points(), &case.replicated(), &case.noise);
     let prediction = before.predict(&candidates);
     let mut fantasies = fantasy::Fantasies {
-        means: prediction.means.as_slice().to_vec(),
         covariances: before.covariances(&candidates, &prediction),
         noise: vec![0.07; 5],
     };

@@ -199,7 +199,7 @@ impl Gauge {
                 });
             terms.sum::<f64>()
         };
-        let gains: Vec<f64> = (0..fantasies.means.len()).map(gain).collect();
+        let gains: Vec<f64> = (0..fantasies.noise.len()).map(gain).collect();
         (0..gains.len()).max_by(|one, other| gains[*one].total_cmp(&gains[*other])).expect("a candidate")
     }
 
@@ -213,7 +213,7 @@ impl Gauge {
             });
             terms.sum::<f64>() / fantasies.noise[candidate]
         };
-        let steepest = (0..fantasies.means.len()).map(slope).fold(0.0, f64::max);
+        let steepest = (0..fantasies.noise.len()).map(slope).fold(0.0, f64::max);
         let now: f64 = chosen.iter().map(|candidate| slope(*candidate)).sum();
         self.expected(fantasies) - (steepest * chosen.len() as f64 - now)
     }
