@@ -126,8 +126,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .paper("none")
             .value((steps.total > 0).then_some(steps.rises as f64), steps.total);
         row.demand(Demand::AtMost(0.0)).note(format!(
-            "of {} steps between neighbouring pairs of the grid with all bonds intact; a rise counts only if it exceeds the \
-             remaining swings of both angles. The maximum rise of a mean angle is {}°",
+            "of {} steps between neighbouring pairs of the grid at which all bonds stay intact; a rise counts only if it exceeds the \
+             remaining swings of both angles. The maximum rise in a step, counted or not, is {}°",
             steps.total,
             rounded(steps.maximum_rise_deg, 1)
         ))
@@ -193,19 +193,19 @@ fn bar_finding(profile: &Profile, results: &Results<'_>) -> Option<String> {
         .iter()
         .filter_map(|radius| Some((angle(&bar_name(*radius))?, radius)))
         .map(|(angle, radius)| {
-            format!("The angle is {}° over a bar of {} mm.", rounded(angle, 0), significant(radius * 1e3))
+            format!("The angle is {}° over a bar of {} mm radius.", rounded(angle, 0), significant(radius * 1e3))
         })
         .collect();
     others.extend(angle("coarse").map(|angle| {
         format!(
-            "The angle is {}° over a bar of 20 mm with R = {} mm. A fillet of larger spheres has fewer layers of spheres.",
+            "The angle is {}° over a bar of 20 mm radius with R = {} mm. A fillet of larger spheres has fewer layers of spheres.",
             rounded(angle, 0),
             significant(COARSE * profile.radius_m * 1e3)
         )
     }));
     Some(format!(
         "Over a bar of 20 mm radius, a fillet of size 2 with R = {} mm bends by {}°, less than 120°. The paper does not specify its \
-         bar. The radius of the bar and R change the angle. {}",
+         bar. The angle depends on the radius of the bar and on R. {}",
         significant(profile.radius_m * 1e3),
         rounded(mean, 0),
         others.join(" ")

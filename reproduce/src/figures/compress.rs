@@ -122,7 +122,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             Row::new(NAME, format!("modulus of the lattice divided by S_n π R/2, {name}"), "")
                 .single(lattice_pa(name).map(|modulus| modulus / expected))
                 .demand(Demand::Near(1.0, 0.02))
-                .note(format!("the closed form gives {} kPa", significant(expected / 1e3))),
+                .note(format!("the closed form S_n π R/2 gives {} kPa", significant(expected / 1e3))),
         );
     }
     rows.push(
@@ -192,7 +192,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     findings.extend(lattice_pa(WHOLE).zip(alone_pa).map(|(whole, alone)| {
         format!(
             "At R = 4 mm the modulus of the lattice is {} kPa. Bonds contribute {} kPa, the value of S_n π R/2. Contact between \
-             bonded neighbours contributes the rest.",
+             bonded neighbours contributes the difference between these two values.",
             rounded(whole / 1e3, 2),
             rounded(alone / 1e3, 2)
         )

@@ -162,7 +162,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
 fn range_text(seeds: &Replicates) -> String {
     let range = seeds.range().filter(|_| seeds.values.len() > 1);
     range.map_or_else(String::new, |(low, high)| {
-        format!("the range is from {} to {}", rounded(low, 2), rounded(high, 2))
+        let n = seeds.values.len();
+        format!("the values at the {n} headings are from {} to {}", rounded(low, 2), rounded(high, 2))
     })
 }
 
@@ -174,17 +175,16 @@ fn early_sliding(angles: &Replicates, trussed: &Replicates) -> Option<String> {
     }
     let mut text = format!(
         "At μ = 0.5 fillets slide at a mean angle of {}°, below atan μ = {}°. The angle depends on the heading of the fillet: \
-         {}° over {} headings.",
+         {}°.",
         rounded(mean.mean, 1),
         rounded(coulomb, 1),
-        range_text(angles),
-        mean.n
+        range_text(angles)
     );
     let truss = trussed.mean()?;
     if (truss - coulomb).abs() < (mean.mean - coulomb).abs() {
         text.push_str(&format!(
-            " Bonds carry no moments, so single sub-particles may roll on the plate. Diagonal bonds prevent this rolling. With \
-             diagonal bonds, the angle is {}°.",
+            " By default, bonds carry no moments, so single sub-particles may roll on the plate. Diagonal bonds prevent this rolling. \
+             With diagonal bonds, the angle is {}°.",
             rounded(truss, 1)
         ));
     }

@@ -94,7 +94,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     let findings = spread(AUTO).zip(spread(PAPERS)).map(|(auto, papers)| {
         format!(
             "Discharged masses differ between seeds. Their standard deviation at {} s, in % of the filled mass, is {auto} and \
-             {papers}. Therefore the table compares means instead of single runs.",
+             {papers}. Therefore the table compares means over seeds instead of single runs.",
             significant(profile.timestep_bed.duration_s)
         )
     });

@@ -79,12 +79,12 @@ fn settle_s(results: &Results<'_>, name: &str) -> Replicates {
     results.response(name, "settle_time_s")
 }
 
-/// A note on the number of fillets per run, and the mass of fragments that left the domain.
+/// A note on the number of fillets per run, and the mass of fragments that left the simulated space.
 fn fillets_note(profile: &Profile, results: &Results<'_>, name: &str) -> String {
     let count = 6 * profile.of_each_shape;
     let escaped = results.response(name, "escaped_kg").mean().filter(|mass| *mass > 0.0);
     let escaped = escaped.map(|mass| {
-        format!(", {} g of fragments left the domain", significant((mass * 1e5).round() / 100.0))
+        format!(", {} g of fragments left the simulated space", significant((mass * 1e5).round() / 100.0))
     });
     format!("{count} fillets per run{}", escaped.unwrap_or_default())
 }

@@ -93,7 +93,10 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             )
             .paper("none")
             .value(Some(rises.len() as f64), n)
-            .note(format!("of {} steps; only significant increases count", line.len().saturating_sub(1))),
+            .note(format!(
+                "of {} steps; an increase counts only if its 95 % interval (Welch) excludes 0",
+                line.len().saturating_sub(1)
+            )),
         );
         findings.extend(rises.into_iter().map(|((from, before), (to, after))| {
             format!(
