@@ -193,7 +193,11 @@ fn bar_finding(profile: &Profile, results: &Results<'_>) -> Option<String> {
         .iter()
         .filter_map(|radius| Some((angle(&bar_name(*radius))?, radius)))
         .map(|(angle, radius)| {
-            format!("The angle is {}° over a bar of {} mm radius.", rounded(angle, 0), significant(radius * 1e3))
+            format!(
+                "The angle is {}° over a bar of {} mm radius.",
+                rounded(angle, 0),
+                significant(radius * 1e3)
+            )
         })
         .collect();
     others.extend(angle("coarse").map(|angle| {

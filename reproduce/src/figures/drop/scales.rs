@@ -91,7 +91,9 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     let minimum =
         large.filter_map(|(_, share)| share.complete_sample()).min_by(|a, b| a.mean.total_cmp(&b.mean));
     rows.push(
-        Row::new(NAME, "minimum share of bonds intact at scales of 2 and more", "").paper("nearly 1").sample(minimum),
+        Row::new(NAME, "minimum share of bonds intact at scales of 2 and more", "")
+            .paper("nearly 1")
+            .sample(minimum),
     );
     let smallest = shares.first().filter(|(scale, _)| *scale <= 0.3);
     let broken = smallest.and_then(|(_, share)| share.range()).filter(|(minimum, _)| *minimum > 0.05);
