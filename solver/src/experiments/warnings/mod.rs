@@ -39,12 +39,12 @@ const fn kind(code: &'static str, when: &'static str, action: &'static str) -> W
 
 const UNSTABLE_TIMESTEP: WarningKind = kind(
     "unstable_timestep",
-    "`/numerics/timestep_s` is above the stability limit, which includes the effect of damping.",
-    "Set /numerics/timestep_s to \"auto\" or to a smaller step.",
+    "`/numerics/timestep_s` is above the stability limit. Damping lowers this limit, and Roost takes this effect into account.",
+    "Set /numerics/timestep_s to \"auto\" or to a step below the stability limit.",
 );
 const WHOLE_SPHERES: WarningKind = kind(
     "whole_spheres",
-    "`/product/fill` is `whole_spheres`. The simulated body is up to 2R thinner than its shape.",
+    "`/product/fill` is `whole_spheres`. The simulated body is up to 2R thinner than the shape in the scenario.",
     "Set /product/fill to \"centres\", or choose a smaller /product/subparticle_radius_m.",
 );
 const THIN_FILLET: WarningKind = kind(
@@ -61,7 +61,7 @@ const SLOW_BELT: WarningKind = kind(
     "slow_belt",
     "The belt moves less than three diameters of a sub-particle within the shorter of two times: `/numerics/jam_after_s` and \
      `/numerics/stop/when_jammed_s`. Steady flow may then count as a jam.",
-    "Raise /numerics/jam_after_s. Also raise /numerics/stop/when_jammed_s if it is shorter.",
+    "Raise /numerics/jam_after_s. Also raise /numerics/stop/when_jammed_s if it is shorter than /numerics/jam_after_s.",
 );
 const ESCAPED_MASS: WarningKind = kind(
     "escaped_mass",
@@ -89,12 +89,14 @@ const DEEP_OVERLAP: WarningKind = kind(
 const DENSE_BED: WarningKind = kind(
     "dense_bed",
     "`bulk_density_kg_m3` is above the density of a fillet: fillets overlap.",
-    "Masses and rates are too high by about the ratio of the two densities. To reduce the overlap, raise /material/youngs_modulus_pa.",
+    "Masses and rates are too high by about the ratio of the bulk density to the density of a fillet. To reduce the overlap, raise \
+     /material/youngs_modulus_pa.",
 );
 const INTERPENETRATION: WarningKind = kind(
     "interpenetration",
     "`interpenetrated_fraction` is above 0.02: sub-particles lie inside other fillets.",
-    "Set /contact/fillet_fillet_radius_ratio to 1.225, which closes the holes between sub-particles, and compare the results.",
+    "Set /contact/fillet_fillet_radius_ratio to 1.225, and simulate again. In contacts between two fillets, sub-particles are then too \
+     large to slip into the other fillet. Compare the new results with the results that have this warning.",
 );
 /// A test whose measured event never happened.
 pub(super) const TEST_NEVER_BEGAN: WarningKind = kind(
@@ -115,8 +117,8 @@ pub(super) const NO_REGIME: WarningKind = kind(
 /// A feed that did not bring its mass.
 pub(super) const FEED_SHORT: WarningKind = kind(
     "feed_short",
-    "The fed mass `fed_kg` is too small, because fillets found no free place over the hopper. The missing mass is more than 1 % of \
-     the mass that `feed_kg_s` demands, and more than the mass of one fillet.",
+    "The fed mass `fed_kg` is less than `feed_kg_s` demands, because fillets found no free place over the hopper. The missing mass is \
+     more than 1 % of the demanded mass, and more than the mass of one fillet.",
     "Reduce /equipment/feed_kg_s or /numerics/output_interval_s, or raise the rate at which the belt carries mass away.",
 );
 
