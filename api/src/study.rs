@@ -63,7 +63,8 @@ pub struct StudySpec {
     /// A name for people, of at most 256 bytes.
     #[schema(max_length = 256)]
     pub name: String,
-    /// The scenario that the factors vary. Its seed chooses the seeds of all runs. Left out in a calibration, whose tests have scenarios.
+    /// The scenario that the factors vary. Each run has a seed of its own, which the server computes from the seed of this scenario, the values
+    /// of the factors and the replicate. Left out in a calibration, whose tests have scenarios.
     #[serde(default, skip_serializing_if = "Value::is_null")]
     #[schema(value_type = Object)]
     pub base: Value,

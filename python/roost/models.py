@@ -1307,8 +1307,9 @@ class StudySpec(TypedDict):
     """A submitted study."""
 
     base: NotRequired[Mapping[str, Any]]
-    """The scenario that the factors vary. Its seed chooses the seeds of all runs. Left out in a calibration, whose
-    tests have scenarios."""
+    """The scenario that the factors vary. Each run has a seed of its own, which the server computes from the seed of
+    this scenario, the values of the factors and the replicate. Left out in a calibration, whose tests have
+    scenarios."""
     budget: StudyBudget
     """Limits of the number of runs."""
     cache: NotRequired[Cache]
