@@ -174,12 +174,13 @@ fn early_sliding(angles: &Replicates, trussed: &Replicates) -> Option<String> {
         return None;
     }
     let mut text = format!(
-        "At μ = 0.5 fillets slide at a mean angle of {}°, below atan μ = {}°. The angle depends on the heading of the fillet: \
-         {}°.",
+        "At μ = 0.5 fillets slide at a mean angle of {}°, below atan μ = {}°.",
         rounded(mean.mean, 1),
-        rounded(coulomb, 1),
-        range_text(angles)
+        rounded(coulomb, 1)
     );
+    if mean.n > 1 {
+        text.push_str(&format!(" The angle depends on the heading of the fillet: {}°.", range_text(angles)));
+    }
     let truss = trussed.mean()?;
     if (truss - coulomb).abs() < (mean.mean - coulomb).abs() {
         text.push_str(&format!(
@@ -227,6 +228,13 @@ mod tests {
         assert_eq!(row(&early, "at μ = 0.3").holds, Some(false));
         assert_eq!(row(&early, "at μ = 0.7").holds, None, "no demand above 0.5");
         assert!(early.findings.iter().any(|finding| finding.contains("23.1°")), "{:?}", early.findings);
+    }
+
+    #[test]
+    fn finding_on_a_single_heading_states_no_range() {
+        let single = |angle: f64| Replicates { values: vec![angle], planned: 1 };
+        let finding = early_sliding(&single(20.0), &single(26.5)).unwrap();
+        assert!(finding.contains("20.0°") && !finding.contains("heading"), "{finding}");
     }
 
     #[test]
