@@ -54,8 +54,9 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "Rule for the bond force. `corotated`: the force turns with the bond. `as_published`: the force keeps its direction. \
          `finite_extension`: as `corotated`, but the bond becomes stiffer before it breaks."),
     integer("/bonds/types", 2, from_to(1.0, 2.0), "section 2.2",
-        "Number of types of sub-particles (Fig. 2). 2: bonds only along the edges of the lattice. 1: bonds along the edges, and \
-         along the diagonals that are shorter than twice the contact radius."),
+        "Number of types of sub-particles (Fig. 2). With two types, bonds join only sub-particles of different types. The two types \
+         alternate, so these bonds lie along the edges of the lattice. With one type, bonds also lie along the diagonals that are \
+         shorter than twice the contact radius."),
     number("/bonds/normal_stiffness_n_m3", "N/m³", 1e6, above_to(0.0, 1e12), "Table 2",
         "Stiffness S_n of a bond along its length, per cross-section area of the bond."),
     number("/bonds/shear_stiffness_n_m3", "N/m³", 6e5, from_to(0.0, 1e12), "Table 2",

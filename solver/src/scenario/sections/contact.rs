@@ -57,7 +57,8 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
          write a value yourself, Roost uses your value."),
     nullable("/contact/surface_energy_radius_m", "m", above_to(0.0, 0.05), "assumed",
         "Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ R/R₀. The \
-         pull of a surface is then 3πγ/(4 R₀) per area at every R, as for a liquid film. Null: the energy is γ at every radius."),
+         maximum pull per area of equipment is then 3πγ/(4 R₀). Like the pull of a liquid film, it does not depend on R. Null: the \
+         energy is γ at every radius."),
     number("/contact/fillet_fillet/static_friction", "", 0.1, FRICTION, "Table 2",
         "Coulomb coefficient of friction between fillets."),
     number("/contact/fillet_fillet/restitution", "", 1e-4, RESTITUTION, "Table 2",
