@@ -265,9 +265,9 @@ class Bonds(TypedDict, total=False):
     """Shear stress at which a bond breaks. Null: shear stress never breaks the bond. Unit: Pa. Source: Table 2 has
     1e300. Default: null. Range: > 0 and ≤ 1e+300."""
     types: int
-    """Number of types of sub-particles (Fig. 2). 2: bonds only along the edges of the lattice. 1: bonds along the
-    edges, and along the diagonals that are shorter than twice the contact radius. Source: section 2.2. Default: 2.
-    Range: ≥ 1 and ≤ 2."""
+    """Number of types of sub-particles (Fig. 2). With two types, bonds join only sub-particles of different types. The
+    two types alternate, so these bonds lie along the edges of the lattice. With one type, bonds also lie along the
+    diagonals that are shorter than twice the contact radius. Source: section 2.2. Default: 2. Range: ≥ 1 and ≤ 2."""
 
 
 class HopperContact(TypedDict, total=False):
@@ -288,8 +288,8 @@ class HopperContact(TypedDict, total=False):
     sub-particle is too large to slip through. Source: assumed. Default: 1.0. Range: ≥ 1 and ≤ 1.5."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ
-    R/R₀. The pull of a surface is then 3πγ/(4 R₀) per area at every R, as for a liquid film. Null: the energy is γ at
-    every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    R/R₀. The maximum pull per area of equipment is then 3πγ/(4 R₀). Like the pull of a liquid film, it does not depend
+    on R. Null: the energy is γ at every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class DropContact(TypedDict, total=False):
@@ -306,8 +306,8 @@ class DropContact(TypedDict, total=False):
     """These values apply to contacts between sub-particles."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ
-    R/R₀. The pull of a surface is then 3πγ/(4 R₀) per area at every R, as for a liquid film. Null: the energy is γ at
-    every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    R/R₀. The maximum pull per area of equipment is then 3πγ/(4 R₀). Like the pull of a liquid film, it does not depend
+    on R. Null: the energy is γ at every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class BendContact(TypedDict, total=False):
@@ -324,8 +324,8 @@ class BendContact(TypedDict, total=False):
     """These values apply to contacts between sub-particles."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ
-    R/R₀. The pull of a surface is then 3πγ/(4 R₀) per area at every R, as for a liquid film. Null: the energy is γ at
-    every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    R/R₀. The maximum pull per area of equipment is then 3πγ/(4 R₀). Like the pull of a liquid film, it does not depend
+    on R. Null: the energy is γ at every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class SlideContact(TypedDict, total=False):
@@ -342,8 +342,8 @@ class SlideContact(TypedDict, total=False):
     """These values apply to contacts between sub-particles."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ
-    R/R₀. The pull of a surface is then 3πγ/(4 R₀) per area at every R, as for a liquid film. Null: the energy is γ at
-    every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    R/R₀. The maximum pull per area of equipment is then 3πγ/(4 R₀). Like the pull of a liquid film, it does not depend
+    on R. Null: the energy is γ at every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class CompressContact(TypedDict, total=False):
@@ -360,8 +360,8 @@ class CompressContact(TypedDict, total=False):
     """These values apply to contacts between sub-particles."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ
-    R/R₀. The pull of a surface is then 3πγ/(4 R₀) per area at every R, as for a liquid film. Null: the energy is γ at
-    every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    R/R₀. The maximum pull per area of equipment is then 3πγ/(4 R₀). Like the pull of a liquid film, it does not depend
+    on R. Null: the energy is γ at every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class SceneContact(TypedDict, total=False):
@@ -382,8 +382,8 @@ class SceneContact(TypedDict, total=False):
     sub-particle is too large to slip through. Source: assumed. Default: 1.0. Range: ≥ 1 and ≤ 1.5."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ
-    R/R₀. The pull of a surface is then 3πγ/(4 R₀) per area at every R, as for a liquid film. Null: the energy is γ at
-    every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    R/R₀. The maximum pull per area of equipment is then 3πγ/(4 R₀). Like the pull of a liquid film, it does not depend
+    on R. Null: the energy is γ at every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class HopperEquipment(TypedDict, total=False):

@@ -1308,8 +1308,8 @@ class StudySpec(TypedDict):
 
     base: NotRequired[Mapping[str, Any]]
     """The scenario that the factors vary. Each run has a seed of its own, which the server computes from the seed of
-    this scenario, the values of the factors and the replicate. Left out in a calibration, whose tests have
-    scenarios."""
+    this scenario, the values of the factors and the replicate. Left out in a calibration, whose tests have scenarios.
+    """
     budget: StudyBudget
     """Limits of the number of runs."""
     cache: NotRequired[Cache]
