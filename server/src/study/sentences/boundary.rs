@@ -1,7 +1,7 @@
 //! Where a measure has a level, in sentences.
 
 use roost_api::quantity::Quantity;
-use roost_design::goals::{BoundaryAnswer, Crossing, Place};
+use roost_design::goals::{BoundaryAnswer, Crossing, MapPoint, Place, Side};
 use roost_design::{Factor, Goal};
 
 use super::capital;
@@ -82,30 +82,60 @@ fn crossing(crossing: &Crossing, factor: &Factor, what: &str, level: &str) -> St
     }
 }
 
-/// The stretch of a single factor that is below the level with 95 % confidence, as a decision needs it.
+/// Maximum number of stretches in a sentence.
+const MAX_STRETCHES: usize = 3;
+
+/// The stretches of a single factor that are below the level with 95 % confidence, as a decision needs them.
 fn safe_side(finding: &BoundaryAnswer, quantity: &Quantity, what: &str, level: &str) -> Option<String> {
-    use roost_design::goals::Side;
-    let below: Vec<f64> =
-        finding.map.iter().filter(|point| point.side == Side::Below).map(|point| point.values[0]).collect();
-    let (first, last) = (below.first()?, below.last()?);
-    let is_one_stretch = {
-        let sides: Vec<bool> = finding.map.iter().map(|point| point.side == Side::Below).collect();
-        sides.windows(2).filter(|pair| !pair[0] && pair[1]).count() + usize::from(sides[0]) == 1
-    };
-    is_one_stretch.then(|| {
+    let below = stretches_below(&finding.map);
+    let below: Vec<String> =
+        below.iter().map(|(from, to)| format!("from {}", range(quantity, *from, *to))).collect();
+    (1..=MAX_STRETCHES).contains(&below.len()).then(|| {
         format!(
-            "{} is below {level} for {} from {}, with 95 % confidence.",
+            "{} is below {level} for {} {}, with 95 % confidence.",
             capital(what),
             quantity.name,
-            range(quantity, *first, *last)
+            list(&below)
         )
     })
 }
 
+/// Both ends of each stretch of at least two points that are below the level, on the map of a single factor.
+fn stretches_below(map: &[MapPoint]) -> Vec<(f64, f64)> {
+    let ends = |points: &[MapPoint]| match points {
+        [first, .., last] if first.side == Side::Below => Some((first.values[0], last.values[0])),
+        _ => None,
+    };
+    map.chunk_by(|point, next| point.side == next.side).filter_map(ends).collect()
+}
+
 /// Percent of the map on one side.
 fn share(finding: &BoundaryAnswer, is_below: bool) -> String {
-    use roost_design::goals::Side;
     let side = if is_below { Side::Below } else { Side::Above };
     let count = finding.map.iter().filter(|point| point.side == side).count();
     digits((100.0 * count as f64 / finding.map.len().max(1) as f64).round())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stretches_below_the_level_end_at_their_first_and_last_points() {
+        use Side::{Above, Band, Below};
+        let map = |sides: &[Side]| -> Vec<MapPoint> {
+            let point = |(index, side): (usize, &Side)| MapPoint {
+                values: vec![index as f64],
+                side: *side,
+                estimate: 0.0,
+                low: 0.0,
+                high: 0.0,
+            };
+            sides.iter().enumerate().map(point).collect()
+        };
+        let sides = [Above, Band, Below, Below, Below, Band, Below, Band, Below, Below];
+        assert_eq!(stretches_below(&map(&sides)), [(2.0, 4.0), (8.0, 9.0)]);
+        assert_eq!(stretches_below(&map(&[Below, Below])), [(0.0, 1.0)]);
+        assert_eq!(stretches_below(&map(&[Above, Band])), []);
+    }
 }
