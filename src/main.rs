@@ -26,6 +26,7 @@ mod openapi;
 mod output;
 mod pause;
 mod pool;
+mod project;
 mod prune;
 mod results;
 mod retry;
@@ -97,6 +98,7 @@ enum Command {
     Reproduce(roost_reproduce::Args),
     Bench(roost_bench::Args),
     Token(token::Args),
+    Project(project::Args),
     Backup(copies::Backup),
     Restore(copies::Restore),
     Copy(copy::Args),
@@ -124,6 +126,7 @@ impl Command {
             Self::Up(_)
                 | Self::Serve(_)
                 | Self::Token(_)
+                | Self::Project(_)
                 | Self::Backup(_)
                 | Self::Restore(_)
                 | Self::Copy(_)
@@ -170,6 +173,7 @@ impl Command {
             Self::Completions(args) => completions::execute(&args, Cli::command()),
             Self::Openapi(args) => openapi::execute(&args),
             Self::Token(args) => token::execute(args).await,
+            Self::Project(args) => project::execute(args).await,
             Self::Bench(args) => roost_bench::execute(args).await,
             Self::Reproduce(args) => roost_reproduce::execute(args).await,
         }

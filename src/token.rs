@@ -4,8 +4,11 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use clap::Subcommand;
+use roost_api::job::MAX_NAME_BYTES;
+use roost_api::project::DEFAULT_PROJECT;
 use roost_api::time::Timestamp;
 use roost_api::token::{Scope, TokenView};
+use roost_server::NewToken;
 use roost_terminal::{Exit, Table, message, print_json, print_line, print_lines};
 use serde_json::json;
 
@@ -40,6 +43,12 @@ enum Action {
         /// Name of the token in lists
         #[arg(long, default_value = "", value_name = "NAME")]
         name: String,
+        /// Name of the user, in the audit log and with each job [default: the name of the token]
+        #[arg(long, value_name = "NAME", value_parser = user)]
+        user: Option<String>,
+        /// Project of the token, from `roost project list`
+        #[arg(long, default_value = DEFAULT_PROJECT, value_name = "NAME")]
+        project: String,
     },
     /// List all tokens, without their secrets
     List,
@@ -58,9 +67,11 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         None => roost_server::tokens_in(&args.data, is_first).await.map_err(copies::with_advice)?,
     };
     match args.action {
-        Action::Create { scopes, name } => {
+        Action::Create { scopes, name, user, project } => {
             let was_open = tokens.list().await?.is_empty();
-            let (view, secret) = tokens.create(&name, &scopes, Timestamp::now()).await?;
+            let user = user.as_deref().unwrap_or(&name);
+            let token = NewToken { name: &name, user, project: &project, scopes: &scopes };
+            let (view, secret) = tokens.create_for(token, Timestamp::now()).await?;
             if args.json {
                 print_json(&json!({"token": secret, "view": view}))?;
             } else {
@@ -103,14 +114,25 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
+/// Reads the name of a user.
+fn user(text: &str) -> Result<String, String> {
+    let is_allowed = !text.chars().any(char::is_control) && (1..=MAX_NAME_BYTES).contains(&text.len());
+    if is_allowed {
+        return Ok(text.to_owned());
+    }
+    Err(format!("allowed are 1 to {MAX_NAME_BYTES} bytes without control characters"))
+}
+
 fn table(tokens: &[TokenView]) -> Table {
-    let mut table = Table::new(["id", "name", "scopes", "created", "revoked"]);
+    let mut table = Table::new(["id", "name", "user", "project", "scopes", "created", "revoked"]);
     for token in tokens {
         let scopes: Vec<_> = token.scopes.iter().map(|scope| scope.as_str()).collect();
         let revoked = token.revoked_at.map_or_else(|| "–".to_owned(), |moment| moment.to_string());
         table.row([
             token.id.clone(),
             token.name.clone(),
+            token.user.clone(),
+            token.project.clone(),
             scopes.join(" "),
             token.created_at.to_string(),
             revoked,

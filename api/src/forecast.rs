@@ -14,6 +14,8 @@ words!(
         Paused = "paused",
         /// An attempt has failed; the next one may start after a pause.
         RetryPause = "retry_pause",
+        /// Its project has used up its budget of core-hours.
+        BudgetUsed = "budget_used",
         /// No worker that takes jobs is online.
         NoWorker = "no_worker",
         /// Workers are online, but none has what the job needs.

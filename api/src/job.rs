@@ -267,6 +267,12 @@ pub struct JobView {
     pub scenario_digest: String,
     /// Jobs of higher priority are claimed first.
     pub priority: i32,
+    /// The user whose token created it; null if unknown, as without tokens.
+    #[serde(default)]
+    pub user: Option<String>,
+    /// The project of this token.
+    #[serde(default)]
+    pub project: String,
     /// Its labels, or those of its sweep.
     pub labels: BTreeMap<String, String>,
     /// Number of its newest attempt; 0 before the first.

@@ -20,6 +20,7 @@ pub mod page;
 pub mod parameters;
 pub mod printable;
 pub mod problem;
+pub mod project;
 pub mod prune;
 pub mod quantity;
 pub mod queue;

@@ -34,6 +34,12 @@ pub struct TokenView {
     pub id: String,
     /// A name for people.
     pub name: String,
+    /// Its user; empty if unknown.
+    #[serde(default)]
+    pub user: String,
+    /// Its project.
+    #[serde(default)]
+    pub project: String,
     /// Its scopes.
     pub scopes: Vec<Scope>,
     /// When it was created.

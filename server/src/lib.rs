@@ -47,7 +47,8 @@ pub use queue::{RetryLimit, RetryPolicy};
 pub use roost_solver::Limits;
 pub use server::{Server, ServerError};
 pub use store::{
-    BackupReport, Bucket, BucketError, CopiedTable, Location, LocationError, StoreError, TokenFile,
+    BackupReport, Bucket, BucketError, CopiedTable, Location, LocationError, NewToken, ProjectChange,
+    ProjectError, StoreError, TokenFile,
 };
 pub use sweep::posterior_columns;
 pub use validation::{is_measurements, is_study, is_sweep, validate};

@@ -170,8 +170,8 @@ pub(crate) async fn tick(app: &App) -> Result<(), StoreError> {
     if ended_fills > 0 || passed.resumed > 0 || passed.changes.iter().any(|(_, change)| requeued(change)) {
         app.work.notify_waiters();
     }
-    // Changes by `roost token` take effect within a second.
-    app.access.update(app.store.tokens().await?);
+    // Changes by `roost token` and `roost project` take effect within a second.
+    app.follow_changes().await?;
     // A late heartbeat may have added the progress of a job that has ended.
     let known = app.progress.jobs();
     if !known.is_empty() {

@@ -1,7 +1,7 @@
 //! The audit log of requests: one line for each change, and one for each refused access.
 //!
-//! A line has the target `audit`. It names the action, the token (`open` on a server without tokens), the
-//! request by the answer's `x-request-id`, the peer, and the changed object.
+//! A line has the target `audit`. It names the action, the token (`open` on a server without tokens) with its
+//! user and project, the request by the answer's `x-request-id`, the peer, and the changed object.
 
 use std::net::SocketAddr;
 
@@ -105,8 +105,8 @@ impl Pending {
         }
         let made = response.headers().get(header::LOCATION).and_then(|value| value.to_str().ok());
         tracing::info!(
-            target: "audit", action, token = caller.name(), request = record.request, peer = record.peer,
-            forwarded_for = record.forwarded_for, path = record.path, status = response.status().as_u16(), made, "done"
+            target: "audit", action, token = caller.name(), user = caller.user().map(shortened), project = caller.project(),
+            request = record.request, peer = record.peer, forwarded_for = record.forwarded_for, path = record.path, status = response.status().as_u16(), made, "done"
         );
     }
 }
@@ -115,8 +115,8 @@ impl Drop for Pending {
     fn drop(&mut self) {
         let Some((action, record, caller)) = self.0.take() else { return };
         tracing::info!(
-            target: "audit", action, token = caller.name(), request = record.request, peer = record.peer,
-            forwarded_for = record.forwarded_for, path = record.path, "unanswered"
+            target: "audit", action, token = caller.name(), user = caller.user().map(shortened), project = caller.project(),
+            request = record.request, peer = record.peer, forwarded_for = record.forwarded_for, path = record.path, "unanswered"
         );
     }
 }
@@ -132,8 +132,8 @@ pub(super) fn log_refusal(
     let left_out = Some(left_out).filter(|count| *count > 0);
     let reason = response.extensions().get::<ProblemKind>().map(|kind| kind.title());
     tracing::warn!(
-        target: "audit", action = "refuse", token = caller.map(Caller::name), request = record.request, peer = record.peer,
-        forwarded_for = record.forwarded_for, method = shortened(record.method.as_str()), path = record.path,
+        target: "audit", action = "refuse", token = caller.map(Caller::name), user = caller.and_then(Caller::user).map(shortened),
+        project = caller.map(Caller::project), request = record.request, peer = record.peer, forwarded_for = record.forwarded_for, method = shortened(record.method.as_str()), path = record.path,
         status = response.status().as_u16(), reason, left_out, "refused"
     );
 }

@@ -27,6 +27,7 @@ mod parts;
 mod posteriors;
 mod priority;
 mod problem;
+mod projects;
 mod prune;
 mod results;
 mod safety;
@@ -173,6 +174,7 @@ fn routes(
         .routes(routes!(meta::responses))
         .routes(routes!(meta::parameters))
         .routes(routes!(meta::version))
+        .routes(routes!(projects::list))
         .routes(routes!(prune::prune))
         .routes(routes!(workers::register, workers::list))
         .routes(routes!(workers::drain))

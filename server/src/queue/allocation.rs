@@ -51,7 +51,7 @@ pub(crate) fn allocate(
         let alone: Vec<_> = jobs.iter().map(|next| next.job.alone).collect();
         jobs.truncate(batch(demand.load, &alone));
         for next in &jobs {
-            rounds.record(next.priority, next.owner, next.round);
+            rounds.record(next);
             taken.add(next.job);
         }
         Allocation { held_back: jobs.is_empty() && is_any, jobs }
@@ -70,13 +70,13 @@ fn batch(load: WorkerLoad, alone: &[bool]) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use super::super::fair_share::EligibleJob;
+    use super::super::fair_share::{EligibleJob, Project};
     use super::*;
 
     /// Jobs of one owner.
     fn owner_queue(owner: i64, jobs: impl IntoIterator<Item = (i64, bool)>) -> OwnerQueue {
         let jobs = jobs.into_iter().map(|(seq, alone)| EligibleJob { seq, alone, fill: None }).collect();
-        OwnerQueue { priority: 0, owner, jobs }
+        OwnerQueue { priority: 0, project: Project { id: 0, share: 1 }, owner, jobs }
     }
 
     fn numbers(allocation: &Allocation) -> Vec<i64> {

@@ -1,19 +1,32 @@
 //! Fair share: the order of the queue.
 //!
 //! 1. Jobs of a higher priority come first.
-//! 2. Within a priority, owners alternate. An owner is a token that submitted jobs; a server without tokens has one owner.
-//! 3. The jobs of one owner at one priority form an *owner queue*. Its sweeps alternate, and a sweep's design points come by index.
+//! 2. Within a priority, projects alternate in *rounds*. A project has as many *turns* in a round as its share, and one job per turn.
+//! 3. Within a project, owners alternate. An owner is a token that submitted jobs; a server without tokens has one owner.
+//! 4. The jobs of one owner at one priority form an *owner queue*. Its sweeps alternate, and a sweep's design points come by index.
 //!    Each job has its *position* in this queue: the jobs of a sweep count upwards from the position that the queue has reached
 //!    when they are submitted, and a single job gets the position reached. Jobs of equal position come by age.
 //!
-//! Owners alternate in *rounds*, which count upwards in each priority. An owner has one job per round, and the job of the earlier
-//! round is next. An owner that returns starts in the current round: it does not wait behind the others, and gets no compensation
-//! for its absence. A job that is claimed again, after a retry or a lost lease, takes a round again.
+//! Rounds count upwards in each priority, and the earlier round is next. The turns of a round are spread evenly: of shares 3 and 1,
+//! the order is A, B, A, A or B, A, A, A, by the age of the first jobs. A project that returns starts in the current round: it does not
+//! wait behind the others, and gets no compensation for its absence.
+//!
+//! The owners of a project alternate in rounds of their own, in which each has one job. A job that is claimed again, after a retry or
+//! a lost lease, takes a turn again.
 
 use std::collections::{HashMap, HashSet};
 
 /// The owner of a job: a row of `owners`.
 pub(crate) type Owner = i64;
+
+/// A project in the queue.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Project {
+    /// Its row of `projects`.
+    pub id: i64,
+    /// Its turns in a round, at least 1.
+    pub share: u32,
+}
 
 /// A queued job that a worker can run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,10 +44,34 @@ pub(crate) struct EligibleJob {
 pub(crate) struct OwnerQueue {
     /// Higher is claimed first.
     pub priority: i32,
+    /// The project of their owner.
+    pub project: Project,
     /// Their owner.
     pub owner: Owner,
     /// By position, then age.
     pub jobs: Vec<EligibleJob>,
+}
+
+/// A turn of a project.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Turn {
+    /// Its round.
+    pub round: i64,
+    /// Turns of the project before it in this round.
+    pub number: u32,
+}
+
+impl Turn {
+    /// The turn of a project that comes `turns` later.
+    fn later(self, turns: u64, share: u32) -> Self {
+        let (number, share) = (u64::from(self.number) + turns, u64::from(share.max(1)));
+        Self { round: self.round.saturating_add_unsigned(number / share), number: (number % share) as u32 }
+    }
+
+    /// The order of turns of projects with different shares: the round, and the part of it that has passed.
+    fn place(self, share: u32) -> (i64, u64) {
+        (self.round, (u64::from(self.number) << 32) / u64::from(share.max(1)))
+    }
 }
 
 /// A job in the order of claims.
@@ -44,9 +81,13 @@ pub(crate) struct ScheduledJob {
     pub job: EligibleJob,
     /// Its priority.
     pub priority: i32,
+    /// Its project.
+    pub project: Project,
     /// Its owner.
     pub owner: Owner,
-    /// The round that it takes.
+    /// The turn of its project that it takes.
+    pub turn: Turn,
+    /// The round between the owners of its project that it takes.
     pub round: i64,
 }
 
@@ -65,67 +106,157 @@ impl Taken {
     }
 }
 
-/// The rounds that owners have reached.
+/// The rounds that projects and their owners have reached.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Rounds {
-    last: HashMap<(i32, Owner), i64>,
+    /// The last turn of each project, and the newest round of a priority.
+    projects: HashMap<(i32, i64), Turn>,
     current: HashMap<i32, i64>,
+    /// The last round of each owner, and the newest one of a project.
+    owners: HashMap<(i32, Owner), i64>,
+    current_of_project: HashMap<(i32, i64), i64>,
 }
 
 impl Rounds {
-    /// Records the round of a claimed job.
-    pub(crate) fn record(&mut self, priority: i32, owner: Owner, round: i64) {
-        let last = self.last.entry((priority, owner)).or_insert(round);
+    /// Records the last turn of a project.
+    pub(crate) fn record_project(&mut self, priority: i32, project: i64, turn: Turn) {
+        let last = self.projects.entry((priority, project)).or_insert(turn);
+        if (turn.round, turn.number) > (last.round, last.number) {
+            *last = turn;
+        }
+        let newest = self.current.entry(priority).or_insert(turn.round);
+        *newest = turn.round.max(*newest);
+    }
+
+    /// Records the last round of an owner within its project.
+    pub(crate) fn record_owner(&mut self, priority: i32, (project, owner): (i64, Owner), round: i64) {
+        let last = self.owners.entry((priority, owner)).or_insert(round);
         *last = round.max(*last);
-        let newest = self.current.entry(priority).or_insert(round);
+        let newest = self.current_of_project.entry((priority, project)).or_insert(round);
         *newest = round.max(*newest);
     }
 
+    /// Records a claimed job.
+    pub(crate) fn record(&mut self, claimed: &ScheduledJob) {
+        let (priority, project) = (claimed.priority, claimed.project.id);
+        self.record_project(priority, project, claimed.turn);
+        self.record_owner(priority, (project, claimed.owner), claimed.round);
+    }
+
+    /// The next turn of a project at a priority.
+    fn next_turn(&self, priority: i32, project: Project) -> Turn {
+        let round = self.current.get(&priority).copied().unwrap_or(0);
+        match self.projects.get(&(priority, project.id)) {
+            Some(last) if last.round >= round => last.later(1, project.share),
+            _ => Turn { round, number: 0 },
+        }
+    }
+
     /// The round of an owner's next job of that priority.
-    fn next(&self, priority: i32, owner: Owner) -> i64 {
-        let current = self.current.get(&priority).copied().unwrap_or(0);
-        self.last.get(&(priority, owner)).map_or(current, |last| current.max(last + 1))
+    fn next_round(&self, priority: i32, project: i64, owner: Owner) -> i64 {
+        let current = self.current_of_project.get(&(priority, project)).copied().unwrap_or(0);
+        self.owners.get(&(priority, owner)).map_or(current, |last| current.max(last + 1))
     }
 
     /// Number of jobs of one priority that come before a job: `own` jobs of its owner, and those jobs of other owners, each with their
-    /// number, that take an earlier round. Jobs of the same round are not counted.
+    /// number, that take an earlier turn. Jobs of the same turn are not counted.
     pub(crate) fn jobs_before(
         &self,
         priority: i32,
-        (owner, own): (Owner, u64),
-        others: impl IntoIterator<Item = (Owner, u64)>,
+        (project, owner, own): (Project, Owner, u64),
+        others: impl IntoIterator<Item = (Project, Owner, u64)>,
     ) -> u64 {
-        let round = self.next(priority, owner).saturating_add_unsigned(own);
-        let earlier = |(other, jobs): (Owner, u64)| {
-            let rounds = round.saturating_sub(self.next(priority, other)).max(0);
-            jobs.min(rounds.unsigned_abs())
+        let round = self.next_round(priority, project.id, owner).saturating_add_unsigned(own);
+        let (mut in_project, mut other_projects) = (own, HashMap::new());
+        for (other, owner, jobs) in others {
+            if other.id == project.id {
+                let rounds = round.saturating_sub(self.next_round(priority, other.id, owner)).max(0);
+                in_project += jobs.min(rounds.unsigned_abs());
+            } else {
+                other_projects.entry(other.id).or_insert((other, 0)).1 += jobs;
+            }
+        }
+        let turn = self.next_turn(priority, project).later(in_project, project.share);
+        let earlier = |(other, jobs): &(Project, u64)| {
+            let next = self.next_turn(priority, *other);
+            let share = i64::from(other.share);
+            // Those of the same round that come earlier in it.
+            let part =
+                (i64::from(turn.number) * share + i64::from(project.share) - 1) / i64::from(project.share);
+            let turns = turn.round.saturating_sub(next.round).saturating_mul(share).saturating_add(part);
+            (*jobs).min(turns.saturating_sub(next.number.into()).max(0).unsigned_abs())
         };
-        own + others.into_iter().map(earlier).sum::<u64>()
+        in_project + other_projects.values().map(earlier).sum::<u64>()
     }
 
     /// The next jobs of these queues, at most `max`, without `taken` ones. Of jobs that would compute the same fill, the first.
     pub(crate) fn next_jobs(&self, queues: &[OwnerQueue], taken: &Taken, max: usize) -> Vec<ScheduledJob> {
         let mut fills = taken.fills.clone();
-        let head = |queue| Head { queue, next: 0, round: self.next(queue.priority, queue.owner) };
-        let mut heads: Vec<_> = queues.iter().map(head).collect();
+        let mut lanes = self.lanes(queues);
         let mut scheduled = Vec::new();
         while scheduled.len() < max {
-            for head in &mut heads {
-                head.pass(|job| {
-                    taken.jobs.contains(&job.seq) || job.fill.is_some_and(|it| fills.contains(&it))
-                });
-            }
-            let rank =
-                |head: &Head<'_>, job: EligibleJob| (-i64::from(head.queue.priority), head.round, job.seq);
-            let ranked =
-                heads.iter_mut().filter_map(|head| head.job().map(|job| (rank(head, job), head, job)));
-            let Some((_, head, job)) = ranked.min_by_key(|(rank, ..)| *rank) else { break };
-            let OwnerQueue { priority, owner, .. } = *head.queue;
-            scheduled.push(ScheduledJob { job, priority, owner, round: head.round });
-            (head.next, head.round) = (head.next + 1, head.round + 1);
-            fills.extend(job.fill);
+            let is_taken = |job: EligibleJob| {
+                taken.jobs.contains(&job.seq) || job.fill.is_some_and(|it| fills.contains(&it))
+            };
+            let ranked = lanes.iter_mut().filter_map(|lane| {
+                let (place, seq) = lane.first(is_taken)?;
+                let rank = (-i64::from(lane.priority), lane.turn.place(lane.project.share), seq);
+                Some((rank, lane, place))
+            });
+            let Some((_, lane, place)) = ranked.min_by_key(|(rank, ..)| *rank) else { break };
+            let Some(next) = lane.take(place) else { break };
+            scheduled.push(next);
+            fills.extend(next.job.fill);
         }
         scheduled
+    }
+
+    /// The queues by priority and project.
+    fn lanes<'q>(&self, queues: &'q [OwnerQueue]) -> Vec<Lane<'q>> {
+        let (mut lanes, mut places) = (Vec::<Lane<'q>>::new(), HashMap::new());
+        for queue in queues {
+            let OwnerQueue { priority, project, owner, .. } = *queue;
+            let place = *places.entry((priority, project.id)).or_insert_with(|| {
+                let turn = self.next_turn(priority, project);
+                lanes.push(Lane { priority, project, turn, heads: Vec::new() });
+                lanes.len() - 1
+            });
+            lanes[place].heads.push(Head {
+                queue,
+                next: 0,
+                round: self.next_round(priority, project.id, owner),
+            });
+        }
+        lanes
+    }
+}
+
+/// The queues of one project at one priority, and its next turn.
+struct Lane<'q> {
+    priority: i32,
+    project: Project,
+    turn: Turn,
+    heads: Vec<Head<'q>>,
+}
+
+impl Lane<'_> {
+    /// The place of the head with the next free job, and the number of this job.
+    fn first(&mut self, is_taken: impl Fn(EligibleJob) -> bool) -> Option<(usize, i64)> {
+        let free = self.heads.iter_mut().enumerate().filter_map(|(place, head)| {
+            head.pass(&is_taken);
+            Some((head.round, head.job()?.seq, place))
+        });
+        free.min().map(|(_, seq, place)| (place, seq))
+    }
+
+    /// Takes the next job of a head.
+    fn take(&mut self, place: usize) -> Option<ScheduledJob> {
+        let head = self.heads.get_mut(place)?;
+        let (job, owner, round) = (head.job()?, head.queue.owner, head.round);
+        (head.next, head.round) = (head.next + 1, head.round + 1);
+        let Self { priority, project, turn, .. } = *self;
+        self.turn = turn.later(1, project.share);
+        Some(ScheduledJob { job, priority, project, owner, turn, round })
     }
 }
 
@@ -150,117 +281,5 @@ impl Head<'_> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn job(seq: i64) -> EligibleJob {
-        EligibleJob { seq, alone: false, fill: None }
-    }
-
-    fn owner_queue(priority: i32, owner: Owner, jobs: std::ops::Range<i64>) -> OwnerQueue {
-        OwnerQueue { priority, owner, jobs: jobs.map(job).collect() }
-    }
-
-    /// The owners of claimed jobs; each claim takes this many.
-    fn claimed(
-        rounds: &mut Rounds,
-        taken: &mut Taken,
-        queues: &[OwnerQueue],
-        claims: &[usize],
-    ) -> Vec<Owner> {
-        let mut owners = Vec::new();
-        for max in claims {
-            for next in rounds.next_jobs(queues, taken, *max) {
-                rounds.record(next.priority, next.owner, next.round);
-                taken.add(next.job);
-                owners.push(next.owner);
-            }
-        }
-        owners
-    }
-
-    #[test]
-    fn owners_alternate_whatever_the_size_of_claims() {
-        let queues = [owner_queue(0, 1, 0..100), owner_queue(0, 2, 100..200), owner_queue(0, 3, 200..203)];
-        let claim =
-            |claims: &[usize]| claimed(&mut Rounds::default(), &mut Taken::default(), &queues, claims);
-        let one_by_one = claim(&[1; 20]);
-        assert_eq!(one_by_one[..9], [1, 2, 3, 1, 2, 3, 1, 2, 3]);
-        assert_eq!(one_by_one[9..], [1, 2, 1, 2, 1, 2, 1, 2, 1, 2, 1], "the third owner has no more jobs");
-        for claims in [&[20][..], &[7, 1, 12], &[2; 10]] {
-            assert_eq!(claim(claims), one_by_one, "{claims:?}");
-        }
-    }
-
-    #[test]
-    fn each_priority_has_its_own_rounds() {
-        let queues = [owner_queue(5, 2, 100..103), owner_queue(0, 1, 0..9), owner_queue(0, 2, 10..19)];
-        let owners = claimed(&mut Rounds::default(), &mut Taken::default(), &queues, &[7]);
-        assert_eq!(owners, [2, 2, 2, 1, 2, 1, 2]);
-    }
-
-    #[test]
-    fn a_late_owner_starts_in_the_current_round() {
-        let (mut rounds, mut taken) = (Rounds::default(), Taken::default());
-        let queues = [owner_queue(0, 1, 0..100), owner_queue(0, 2, 100..200)];
-        assert_eq!(claimed(&mut rounds, &mut taken, &queues[..1], &[64]), [1; 64]);
-        assert_eq!(claimed(&mut rounds, &mut taken, &queues, &[1; 6]), [2, 1, 2, 1, 2, 1]);
-        // An owner that submits single jobs gets one per round.
-        let rare = (300..310).flat_map(|seq| {
-            let queues = [queues[0].clone(), owner_queue(0, 3, seq..seq + 1)];
-            claimed(&mut rounds, &mut taken, &queues, &[1])
-        });
-        let rare: Vec<_> = rare.collect();
-        assert_eq!(rare.iter().filter(|owner| **owner == 3).count(), 5, "{rare:?}");
-    }
-
-    #[test]
-    fn jobs_before_a_job_are_those_that_claims_take_first() {
-        let mut rounds = Rounds::default();
-        // The third owner is two rounds behind the others.
-        for (owner, round) in [(1, 7), (2, 7), (3, 5)] {
-            rounds.record(0, owner, round);
-        }
-        let queues = [owner_queue(0, 1, 0..40), owner_queue(0, 2, 100..110), owner_queue(0, 3, 200..203)];
-        let order: Vec<_> =
-            rounds.next_jobs(&queues, &Taken::default(), 53).iter().map(|next| next.job.seq).collect();
-        for (queue, own) in [(0, 0), (0, 5), (0, 39), (1, 9), (2, 2)] {
-            let owner = queues[queue].owner;
-            let others = queues.iter().filter(|other| other.owner != owner);
-            let others = others.map(|other| (other.owner, other.jobs.len() as u64));
-            let found = rounds.jobs_before(0, (owner, own), others) as usize;
-            let place = order.iter().position(|seq| *seq == queues[queue].jobs[own as usize].seq).unwrap();
-            // Of the jobs of one round, up to two of other owners are older.
-            assert!((found..=found + 2).contains(&place), "owner {owner}, job {own}: {found}, {place}");
-        }
-        let none = std::iter::empty();
-        assert_eq!(Rounds::default().jobs_before(0, (1, 3), none), 3);
-    }
-
-    #[test]
-    fn absent_owner_accumulates_no_rounds() {
-        let (mut rounds, mut taken) = (Rounds::default(), Taken::default());
-        let queues = [owner_queue(0, 1, 0..100), owner_queue(0, 2, 100..200)];
-        claimed(&mut rounds, &mut taken, &queues[1..], &[50]);
-        claimed(&mut rounds, &mut taken, &queues[..1], &[10]);
-        assert_eq!(claimed(&mut rounds, &mut taken, &queues, &[1; 6]), [2, 1, 2, 1, 2, 1]);
-    }
-
-    #[test]
-    fn jobs_that_share_a_fill_are_claimed_one_at_a_time() {
-        let with_fill = |seq, fill: u32| EligibleJob { fill: (fill > 0).then_some(fill), ..job(seq) };
-        let queue = |owner, jobs: &[EligibleJob]| OwnerQueue { priority: 0, owner, jobs: jobs.to_vec() };
-        let queues = [
-            queue(1, &[(1, 7), (2, 7), (3, 0), (4, 8), (5, 9)].map(|(seq, fill)| with_fill(seq, fill))),
-            queue(2, &[(6, 8), (7, 0)].map(|(seq, fill)| with_fill(seq, fill))),
-        ];
-        let numbers = |taken: &Taken, max| -> Vec<i64> {
-            Rounds::default().next_jobs(&queues, taken, max).iter().map(|next| next.job.seq).collect()
-        };
-        assert_eq!(numbers(&Taken::default(), 2), [1, 6]);
-        assert_eq!(numbers(&Taken::default(), 9), [1, 6, 3, 7, 5], "job 4 would compute the fill of job 6");
-        let mut taken = Taken::default();
-        taken.add(with_fill(1, 7));
-        assert_eq!(numbers(&taken, 3), [3, 6, 5], "an earlier claim of the batch computes fill 7");
-    }
-}
+#[path = "fair_share_tests.rs"]
+mod tests;

@@ -36,12 +36,12 @@ use roost_api::time::Timestamp;
 pub(crate) use allocation::{Allocation, Demand, WorkerLoad, allocate};
 pub(crate) use control::{CancelEffect, on_cancel, on_retry};
 pub(crate) use ending::{Verdict, on_failure, on_result, recorded_outcome};
-pub(crate) use fair_share::{EligibleJob, Owner, OwnerQueue, Rounds};
+pub(crate) use fair_share::{EligibleJob, Owner, OwnerQueue, Project, Rounds, Turn};
 pub(crate) use fence::{FenceState, fence};
 pub(crate) use lease::{BeatEffect, StopRequest, on_beat, on_deadline, on_lease_expired};
 pub(crate) use provenance::Provenance;
 pub use retry::{RetryLimit, RetryPolicy};
-pub(crate) use waiting::{JobsBefore, QueuedJob, WorkerSight, why_waiting};
+pub(crate) use waiting::{JobsBefore, QueuedJob, SpentBudget, WorkerSight, why_waiting};
 
 /// The state of a job that decisions depend on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

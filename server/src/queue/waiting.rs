@@ -2,7 +2,7 @@
 //!
 //! | reason | condition |
 //! |---|---|
-//! | `paused`, `retry_pause` | no claim looks at the job |
+//! | `paused`, `retry_pause`, `budget_used` | no claim looks at the job |
 //! | `no_worker` | no online worker takes jobs |
 //! | `no_fitting_worker` | no such worker has what the job needs |
 //! | `waiting_for_fill` | each worker that may take it would pass over it, because a running attempt computes its fill |
@@ -25,12 +25,36 @@ pub(crate) struct QueuedJob {
     pub paused: bool,
     /// The end of its pause after a failure.
     pub retry_at: Option<Timestamp>,
+    /// The budget of its project, if it is used up.
+    pub spent: Option<SpentBudget>,
     /// Number, outcome and message of its newest attempt.
     pub newest: Option<(u32, AttemptOutcome, String)>,
     /// Whether it runs alone.
     pub alone: bool,
     /// Its requirements.
     pub needs: Needs,
+}
+
+/// The budget of a project that has used it up.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct SpentBudget {
+    /// The name of the project.
+    pub project: String,
+    /// Core-hours that its ended attempts have used.
+    pub used_core_hours: f64,
+    /// Its budget, in core-hours.
+    pub budget_core_hours: f64,
+}
+
+impl SpentBudget {
+    /// In words, with the command that raises the budget.
+    fn in_words(&self) -> String {
+        let Self { project, used_core_hours, budget_core_hours } = self;
+        format!(
+            "project {project} has used {used_core_hours:.1} of {} core-hours; raise it with `roost project set {project} --budget-core-hours N`",
+            (budget_core_hours * 1000.0).round() / 1000.0
+        )
+    }
 }
 
 /// An online worker, and what its next claim would see of the job.
@@ -106,6 +130,9 @@ pub(crate) fn why_waiting(job: &QueuedJob, workers: &[WorkerSight], before: Jobs
     }
     if let Some(retry_at) = job.retry_at {
         return cause(WaitReason::RetryPause, pause(job, retry_at));
+    }
+    if let Some(spent) = &job.spent {
+        return cause(WaitReason::BudgetUsed, spent.in_words());
     }
     let active: Vec<_> = workers.iter().filter(|worker| !worker.draining).collect();
     if active.is_empty() {

@@ -5,6 +5,7 @@ use super::*;
 const JOB: QueuedJob = QueuedJob {
     paused: false,
     retry_at: None,
+    spent: None,
     newest: None,
     alone: false,
     needs: Needs { backend: None, memory_mib: None },
@@ -43,6 +44,13 @@ fn every_waiting_reason_has_its_condition() {
     let paused = QueuedJob { paused: true, retry_at: Some(Timestamp(5)), ..JOB };
     assert_eq!(reason(&paused, &[], none), WaitReason::Paused);
     assert_eq!(reason(&QueuedJob { paused: false, ..paused }, &[], none), WaitReason::RetryPause);
+    let spent = SpentBudget { project: "p".to_owned(), used_core_hours: 10.24, budget_core_hours: 10.0 };
+    let spent = QueuedJob { spent: Some(spent), ..JOB };
+    assert_eq!(reason(&spent, &[], none), WaitReason::BudgetUsed);
+    assert_eq!(
+        why(&spent, &[free.clone()]).1,
+        "project p has used 10.2 of 10 core-hours; raise it with `roost project set p --budget-core-hours N`"
+    );
     let draining = WorkerSight { draining: true, ..free.clone() };
     assert_eq!(reason(&JOB, &[], none), WaitReason::NoWorker);
     assert_eq!(reason(&JOB, std::slice::from_ref(&draining), none), WaitReason::NoWorker);

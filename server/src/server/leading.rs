@@ -64,6 +64,7 @@ impl Leading {
             connections,
             metrics,
             access,
+            spent_projects: Default::default(),
             refusal_limit: Default::default(),
             shutdown: CancellationToken::new(),
             checkpoint_uploads: Default::default(),

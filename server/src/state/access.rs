@@ -10,6 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
 use governor::clock::{Clock as _, DefaultClock};
 use governor::{DefaultKeyedRateLimiter, Quota, RateLimiter};
+use roost_api::project::DEFAULT_PROJECT;
 use roost_api::token::Scope;
 
 use crate::store::Token;
@@ -19,6 +20,10 @@ use crate::store::Token;
 pub(crate) struct Caller {
     /// Id of the token; empty on an open server.
     pub(crate) token: Arc<str>,
+    /// The user of the token; empty if unknown.
+    pub(crate) user: Arc<str>,
+    /// The project of the token; empty on an open server.
+    pub(crate) project: Arc<str>,
     /// What the token allows.
     pub(crate) scopes: Vec<Scope>,
 }
@@ -32,6 +37,16 @@ impl Caller {
     /// The caller in the audit log.
     pub(crate) fn name(&self) -> &str {
         if self.is_unrestricted() { "open" } else { &self.token }
+    }
+
+    /// The user in the audit log, if known.
+    pub(crate) fn user(&self) -> Option<&str> {
+        Some(&*self.user).filter(|user| !user.is_empty())
+    }
+
+    /// The project in the audit log.
+    pub(crate) fn project(&self) -> &str {
+        if self.is_unrestricted() { DEFAULT_PROJECT } else { &self.project }
     }
 
     /// Checks that the token has one of these scopes.
@@ -182,7 +197,12 @@ impl Access {
             }
         }
         let token = found.ok_or(AccessError::InvalidToken)?;
-        Ok(Caller { token: token.id.as_str().into(), scopes: token.scopes.clone() })
+        Ok(Caller {
+            token: token.id.as_str().into(),
+            user: token.user.as_str().into(),
+            project: token.project.as_str().into(),
+            scopes: token.scopes.clone(),
+        })
     }
 
     /// Counts a request of this caller, and refuses it above the rate.

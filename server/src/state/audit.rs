@@ -48,6 +48,7 @@ pub(crate) fn shortened(text: &str) -> &str {
 pub(super) fn log_token(action: &'static str, token: &Token) {
     let scopes: Vec<_> = token.scopes.iter().map(|scope| scope.as_str()).collect();
     tracing::info!(
-        target: "audit", action, token = token.id, name = shortened(&token.name), scopes = scopes.join(" "), "done"
+        target: "audit", action, token = token.id, name = shortened(&token.name), user = shortened(&token.user), project = token.project,
+        scopes = scopes.join(" "), "done"
     );
 }

@@ -312,5 +312,6 @@ impl AppState {
 
 /// Whether a job with this reason starts at no time that could be named.
 fn is_stuck(reason: WaitReason) -> bool {
-    matches!(reason, WaitReason::Paused | WaitReason::NoWorker | WaitReason::NoFittingWorker)
+    let none_claims = matches!(reason, WaitReason::Paused | WaitReason::BudgetUsed);
+    none_claims || matches!(reason, WaitReason::NoWorker | WaitReason::NoFittingWorker)
 }

@@ -19,7 +19,7 @@ mod submission_turns;
 mod sweep_cache;
 mod waits;
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use roost_api::forecast::Forecast;
 use roost_api::prune::Pruning;
@@ -75,6 +75,8 @@ pub(crate) struct AppState {
     pub(crate) connections: Arc<Connections>,
     pub(crate) metrics: Metrics,
     pub(crate) access: Access,
+    /// Projects that had used up their budgets at the last check.
+    pub(crate) spent_projects: Mutex<Vec<i64>>,
     /// Limits the audit lines about refused requests.
     pub(crate) refusal_limit: audit::RefusalLimit,
     /// Ends everything that waits.
@@ -98,6 +100,20 @@ pub(crate) struct AppState {
 }
 
 impl AppState {
+    /// Takes over changes that `roost token` and `roost project` made. Claims wake when a project has budget again.
+    pub(crate) async fn follow_changes(&self) -> Result<(), StoreError> {
+        self.access.update(self.store.tokens().await?);
+        let spent = self.store.spent_projects().await?;
+        let before = {
+            let mut known = self.spent_projects.lock().unwrap_or_else(PoisonError::into_inner);
+            std::mem::replace(&mut *known, spent.clone())
+        };
+        if before.iter().any(|project| !spent.contains(project)) {
+            self.work.notify_waiters();
+        }
+        Ok(())
+    }
+
     /// Deletes what ended before `then`, and returns what was deleted.
     pub(crate) async fn prune(&self, then: Timestamp) -> Result<Pruning, StoreError> {
         self.store.prune(then, self.clock.now(), &self.mesh_gate).await

@@ -81,9 +81,12 @@ impl AppState {
             batch = batch.with(of(group, jobs));
         }
         let total = |groups: &[&QueueGroup]| groups.iter().map(|group| group.jobs).sum::<u64>();
-        let others: Vec<_> = owners.iter().map(|(owner, groups)| (*owner, total(groups))).collect();
-        before.same = view.rounds.jobs_before(place.priority, (place.owner, own), others.iter().copied());
-        let all: u64 = others.iter().map(|(_, jobs)| jobs).sum();
+        let others = owners
+            .iter()
+            .filter_map(|(owner, groups)| Some((groups.first()?.project, *owner, total(groups))));
+        let project = self.store.project_of(place.owner).await?;
+        before.same = view.rounds.jobs_before(place.priority, (project, place.owner, own), others);
+        let all: u64 = owners.values().map(|groups| total(groups)).sum();
         for group in owners.values().flatten() {
             let share = (before.same - own) as f64 / all.max(1) as f64;
             batch = batch.with(of(group, (share * group.jobs as f64).round() as u64));
@@ -102,11 +105,13 @@ fn share_before(group: &QueueGroup, position: i64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::queue::Project;
 
     #[test]
     fn long_queues_are_shared_by_position() {
         let group = QueueGroup {
             priority: 0,
+            project: Project { id: 0, share: 1 },
             owner: 0,
             queue: 1,
             needs: Needs::default(),

@@ -1,6 +1,6 @@
 //! Claims: jobs become attempts, in batches of many workers.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use roost_api::fill::FillOrder;
 use roost_api::frames::FramesOrder;
 use roost_api::ids::WorkerId;
 use roost_api::lease::ClaimedAttempt;
-use serde_json::json;
+use serde_json::{Value, json};
 use uuid::Uuid;
 
 use super::batcher::{Batcher, waves};
@@ -20,7 +20,7 @@ use super::workers::online_window;
 use super::writer::Writer;
 use super::{Store, StoreError};
 use crate::clock::Now;
-use crate::queue::{Allocation, Demand, Refusal, WorkerLoad, allocate, lease_end};
+use crate::queue::{Allocation, Demand, Refusal, Turn, WorkerLoad, allocate, lease_end};
 
 /// An expression on the checkpoint that the worker of a row of `jobs` can continue from; null without one.
 macro_rules! usable_checkpoint {
@@ -65,7 +65,7 @@ macro_rules! claimed_columns {
     };
 }
 
-/// Starts attempts of jobs, and advances the fair share of their owners. The deadline of an attempt is `max_wall_s` after its first
+/// Starts attempts of jobs, and advances the fair share of their owners and projects. The deadline of an attempt is `max_wall_s` after its first
 /// lease.
 pub(super) const TAKE: &str = concat!(
     "
@@ -89,7 +89,12 @@ pub(super) const TAKE: &str = concat!(
     ON CONFLICT (priority, owner) DO UPDATE SET
         queue_position = CASE WHEN excluded.queue_position > fair_share.queue_position
             THEN excluded.queue_position ELSE fair_share.queue_position END,
-        round = CASE WHEN excluded.round > fair_share.round THEN excluded.round ELSE fair_share.round END"
+        round = CASE WHEN excluded.round > fair_share.round THEN excluded.round ELSE fair_share.round END;
+    INSERT INTO project_rounds (priority, project, round, turn)
+    SELECT CAST(took.value ->> 'priority' AS BIGINT), CAST(took.value ->> 'project' AS BIGINT), CAST(took.value ->> 'round' AS BIGINT),
+           CAST(took.value ->> 'turn' AS BIGINT)
+    FROM json_each(?) AS took WHERE true
+    ON CONFLICT (priority, project) DO UPDATE SET round = excluded.round, turn = excluded.turn"
 );
 
 /// Makes new attempts the ones that compute the fills of their jobs, where no attempt has stored or withdrawn them.
@@ -335,8 +340,9 @@ async fn start_attempts(
         return Ok(HashMap::new());
     }
     let computes = allocations.iter().flat_map(|(_, it)| &it.jobs).any(|next| next.job.fill.is_some());
-    let taken = to_json("jobs", &taken)?;
-    let rows = query(TAKE).bind(&taken).bind(&taken).bind(&taken).fetch_all(&mut *tx).await?;
+    let (taken, turns) = (to_json("jobs", &taken)?, to_json("turns", &last_turns(allocations))?);
+    let take = query(TAKE).bind(&taken).bind(&taken).bind(&taken).bind(turns);
+    let rows = take.fetch_all(&mut *tx).await?;
     if computes {
         query(COMPUTE_FILLS).bind(&taken).execute(&mut *tx).await?;
     }
@@ -345,6 +351,16 @@ async fn start_attempts(
         query(USE_FILLS).bind(&taken).execute(&mut *tx).await?;
     }
     rows.into_iter().map(|row| Ok((row.column("seq")?, row))).collect()
+}
+
+/// The last turn of each project. The claims are in the order of their allocation.
+fn last_turns(allocations: &[(usize, Allocation)]) -> Vec<Value> {
+    let mut last = BTreeMap::new();
+    for next in allocations.iter().flat_map(|(_, allocation)| &allocation.jobs) {
+        last.insert((next.priority, next.project.id), next.turn);
+    }
+    let turn = |((priority, project), turn): (&(i32, i64), &Turn)| json!({"priority": priority, "project": project, "round": turn.round, "turn": turn.number});
+    last.iter().map(turn).collect()
 }
 
 /// The answer for one claimed row.

@@ -27,7 +27,11 @@ pub(crate) struct EncodedResult {
     responses: String,
     digest: String,
     body: String,
+    threads: u32,
 }
+
+/// Maximum number of threads that count for a run: more than any machine has.
+const MAX_THREADS: usize = 65_536;
 
 impl EncodedResult {
     /// Encodes a result.
@@ -43,6 +47,7 @@ impl EncodedResult {
             responses: to_json("responses", &result.responses)?,
             digest: blake3::hash(body.as_bytes()).to_hex().to_string(),
             body,
+            threads: result.solver.threads.clamp(1, MAX_THREADS) as u32,
         })
     }
 }
@@ -51,7 +56,9 @@ impl EncodedResult {
 impl EncodedResult {
     /// A result of that provenance for tests.
     pub(super) fn sample(provenance: Provenance, digest: &str) -> Self {
-        Self { provenance, responses: "{}".to_owned(), digest: digest.to_owned(), body: "{}".to_owned() }
+        let (responses, body) = ("{}".to_owned(), "{}".to_owned());
+        // More than one, so that tests see what is counted.
+        Self { provenance, responses, digest: digest.to_owned(), body, threads: 3 }
     }
 }
 
@@ -141,6 +148,7 @@ impl Store {
                     {
                         return Ok(Err(refusal));
                     }
+                    let threads = partial.as_ref().map(|partial| partial.threads);
                     let document = match partial {
                         Some(partial) => {
                             insert_document(tx, &partial.digest, partial.body).await?;
@@ -151,8 +159,17 @@ impl Store {
                     let outcome = recorded_outcome(outcome, has_checkpoint(tx, job, attempt).await?);
                     let (message, partial, at) = (Some(message.as_str()), document.as_deref(), now.wall);
                     let filled_by = None;
-                    let ending =
-                        AttemptEnd { job, attempt, outcome, change, message, partial, filled_by, at };
+                    let ending = AttemptEnd {
+                        job,
+                        attempt,
+                        outcome,
+                        change,
+                        message,
+                        partial,
+                        filled_by,
+                        threads,
+                        at,
+                    };
                     end_attempts(tx, &[ending]).await?;
                     Ok(Ok(verdict))
                 })
@@ -222,8 +239,8 @@ async fn record(tx: &mut Connection, accepted: &[(&Delivered, JobChange)]) -> Re
         }));
         bodies.extend_from_slice(result.body.as_bytes());
         let outcome = AttemptOutcome::Succeeded;
-        let (message, partial, filled_by) = (None, None, *filled_by);
-        endings.push(AttemptEnd { job, attempt, outcome, change, message, partial, filled_by, at });
+        let (message, partial, filled_by, threads) = (None, None, *filled_by, Some(result.threads));
+        endings.push(AttemptEnd { job, attempt, outcome, change, message, partial, filled_by, threads, at });
     }
     let rows = to_json("results", &rows)?;
     let sql = match tx.engine() {

@@ -7,10 +7,10 @@ use futures_util::TryStreamExt;
 use super::StoreError;
 use super::claims::{Claim, FillDevice};
 use super::columns::{Columns, to_json};
-use super::database::{Connection, Engine, query};
+use super::database::{Connection, Engine, Row, query};
 use super::workers::online_window;
 use crate::clock::Now;
-use crate::queue::{EligibleJob, OwnerQueue, Rounds};
+use crate::queue::{EligibleJob, OwnerQueue, Project, Rounds, Turn};
 
 /// The condition that claims look at a job, of a row of `jobs`.
 macro_rules! claimable {
@@ -138,16 +138,25 @@ macro_rules! heads {
     };
 }
 
+/// The condition that claims look at a queue: its sweep is visible, and its project has budget left.
+macro_rules! is_open {
+    () => {
+        "heads.queue NOT IN (SELECT seq FROM sweeps WHERE state <> 'ready')
+      AND heads.owner NOT IN (SELECT o.id FROM projects p CROSS JOIN owners o ON o.project = p.id
+                              WHERE p.budget_core_ms IS NOT NULL AND p.used_core_ms >= p.budget_core_ms)"
+    };
+}
+
 // Why a job waits is asked with the same conditions.
-pub(super) use {can_continue, claimable, computing_attempt, fits, has_failed, heads, is_left_to};
+pub(super) use {can_continue, claimable, computing_attempt, fits, has_failed, heads, is_left_to, is_open};
 
 /// [`ELIGIBLE_JOBS`] with the join of the jobs of each queue, which ends in `$end`.
 macro_rules! eligible_jobs {
-    ($found:literal, $end:literal) => {
+    ($found:literal, $end:expr) => {
         concat!(
             heads!(),
             "
-    SELECT heads.priority, heads.owner, found.queue_position, found.seq, found.alone,
+    SELECT heads.priority, heads.owner, owners.project, projects.share, found.queue_position, found.seq, found.alone,
            CASE WHEN found.fill_digest IS NOT NULL AND ?5 <> 0
                      AND NOT EXISTS (SELECT 1 FROM fills f WHERE f.fill_digest = found.fill_digest
                                      AND f.solver_revision = me.solver_revision AND f.backend = me.backend
@@ -156,7 +165,8 @@ macro_rules! eligible_jobs {
             can_continue!("found", "me"),
             "
                 THEN found.fill_digest END AS fill
-    FROM heads CROSS JOIN workers me CROSS JOIN ",
+    FROM heads CROSS JOIN workers me CROSS JOIN owners ON owners.id = heads.owner CROSS JOIN projects ON projects.id = owners.project
+         CROSS JOIN ",
             $found,
             " FROM jobs j
         WHERE ",
@@ -186,8 +196,9 @@ macro_rules! eligible_jobs {
 
 /// At most ?4 jobs of every queue that worker ?1 can run, by priority and owner. `heads` finds each queue by one step into the index
 /// `jobs_to_claim`, whatever the length of the queue, and each list walks that index from there to its limit; a test checks the query
-/// plan. A sweep that is not `ready` is passed over in one step. Rows come lazily: a reader that has enough reads no further queue. A job that the worker has failed is left to another
-/// suitable worker that was seen between ?2 and ?3, if there is one.
+/// plan. A sweep that is not `ready`, and an owner whose project has used up its budget, are passed over in one step per queue. Rows come
+/// lazily: a reader that has enough reads no further queue. A job that the worker has failed is left to another suitable worker that was
+/// seen between ?2 and ?3, if there is one.
 ///
 /// For a worker that shares fills (?5), a job is passed over while a running attempt computes its fill, unless it continues from a
 /// checkpoint. At most 500 such jobs of a queue are passed over, so that a long queue of one fill costs a claim milliseconds. `fill` is
@@ -195,19 +206,24 @@ macro_rules! eligible_jobs {
 pub(super) const ELIGIBLE_JOBS: &str = eligible_jobs!(
     "jobs found ON found.seq IN (
         SELECT first.seq FROM (SELECT j.seq, j.id, j.fill_digest",
-    "
-    WHERE me.id = ?1 AND me.draining = 0
-      AND heads.queue NOT IN (SELECT seq FROM sweeps WHERE state <> 'ready')"
+    concat!(
+        "
+    WHERE me.id = ?1 AND me.draining = 0 AND ",
+        is_open!()
+    )
 );
 
 /// The same for PostgreSQL, which would test each job against such a list, but makes one list per queue for a lateral join. SQLite has none.
 const ELIGIBLE_JOBS_IN_POSTGRES: &str = eligible_jobs!(
     "LATERAL (
         SELECT first.* FROM (SELECT j.seq, j.id, j.fill_digest, j.queue_position, j.alone",
-    " AS found
-    WHERE me.id = ?1 AND me.draining = 0
-      AND heads.queue NOT IN (SELECT seq FROM sweeps WHERE state <> 'ready')
+    concat!(
+        " AS found
+    WHERE me.id = ?1 AND me.draining = 0 AND ",
+        is_open!(),
+        "
     ORDER BY heads.priority DESC, heads.owner, heads.queue"
+    )
 );
 
 /// [`ELIGIBLE_JOBS`] in the words of an engine.
@@ -218,8 +234,26 @@ pub(super) fn eligible_jobs(engine: Engine) -> &'static str {
     }
 }
 
-/// The rounds of the owners of some priorities.
-pub(super) const ROUNDS: &str = "SELECT priority, owner, round FROM fair_share WHERE priority IN (SELECT CAST(atom AS BIGINT) FROM json_each(?))";
+/// The rounds of the owners and of the projects of some priorities. A row without an owner is a project's.
+pub(super) const ROUNDS: &str = "
+    SELECT f.priority, o.project, f.owner, f.round, 0 AS turn FROM fair_share f CROSS JOIN owners o ON o.id = f.owner
+    WHERE f.priority IN (SELECT CAST(atom AS BIGINT) FROM json_each(?1))
+    UNION ALL SELECT priority, project, NULL, round, turn FROM project_rounds
+    WHERE priority IN (SELECT CAST(atom AS BIGINT) FROM json_each(?1))";
+
+/// The rounds in rows of [`ROUNDS`].
+pub(super) fn rounds_of(rows: &[Row]) -> Result<Rounds, StoreError> {
+    let mut rounds = Rounds::default();
+    for row in rows {
+        let (priority, project, round) =
+            (row.column("priority")?, row.column("project")?, row.column("round")?);
+        match row.column::<Option<i64>>("owner")? {
+            Some(owner) => rounds.record_owner(priority, (project, owner), round),
+            None => rounds.record_project(priority, project, Turn { round, number: row.number("turn")? }),
+        }
+    }
+    Ok(rounds)
+}
 
 /// Numbers of the fills that the jobs of one batch of claims would compute. Devices that differ share none.
 #[derive(Default)]
@@ -278,12 +312,13 @@ async fn list(
     let (mut found, mut fills) = (0, HashSet::new());
     while let Some(row) = rows.try_next().await? {
         let (priority, owner) = (row.column("priority")?, row.column("owner")?);
+        let project = Project { id: row.column("project")?, share: row.number("share")? };
         let last = queues.last().map(|(queue, _)| (queue.priority, queue.owner));
         if last.is_some_and(|(before, _)| before > priority && found >= max) {
             break;
         }
         if last != Some((priority, owner)) {
-            queues.push((OwnerQueue { priority, owner, jobs: Default::default() }, Vec::new()));
+            queues.push((OwnerQueue { priority, project, owner, jobs: Default::default() }, Vec::new()));
         }
         if let Some((_, jobs)) = queues.last_mut() {
             let fill: Option<String> = row.column("fill")?;
@@ -300,17 +335,13 @@ async fn list(
     Ok(queues.into_iter().map(in_order).collect())
 }
 
-/// The rounds of all owners at the priorities of these queues.
+/// The rounds of all owners and projects at the priorities of these queues.
 pub(super) async fn rounds(tx: &mut Connection, queues: &[Vec<OwnerQueue>]) -> Result<Rounds, StoreError> {
     let mut priorities: Vec<i32> = queues.iter().flatten().map(|queue| queue.priority).collect();
     priorities.sort_unstable();
     priorities.dedup();
-    let mut rounds = Rounds::default();
     if priorities.is_empty() {
-        return Ok(rounds);
+        return Ok(Rounds::default());
     }
-    for row in query(ROUNDS).bind(to_json("priorities", &priorities)?).fetch_all(&mut *tx).await? {
-        rounds.record(row.column("priority")?, row.column("owner")?, row.column("round")?);
-    }
-    Ok(rounds)
+    rounds_of(&query(ROUNDS).bind(to_json("priorities", &priorities)?).fetch_all(&mut *tx).await?)
 }

@@ -25,6 +25,17 @@ pub enum StoreError {
         /// The newest migration of this program.
         known: i64,
     },
+    /// A running server of an older program uses this database.
+    #[error(
+        "the database was made by an older roost (schema {found}; this one needs schema {known}), and a server uses it: restart the server with \
+         this version of roost, which upgrades the database"
+    )]
+    Older {
+        /// The newest migration that has run.
+        found: i64,
+        /// The newest migration of this program.
+        known: i64,
+    },
     /// PostgreSQL did not accept a connection.
     #[error("cannot connect to {database}")]
     Connect {

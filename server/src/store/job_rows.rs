@@ -203,7 +203,8 @@ pub(super) struct QueueStart {
 
 /// The place of new jobs: their owner, and the position that the owner's queue has reached.
 pub(super) async fn queue_start(tx: &mut Connection, options: &JobOptions) -> Result<QueueStart, StoreError> {
-    let sql = "INSERT INTO owners (token_id) VALUES (?) ON CONFLICT (token_id) DO NOTHING";
+    let sql = "INSERT INTO owners (token_id, project) VALUES (?1, coalesce((SELECT project FROM tokens WHERE id = ?1), 0))
+               ON CONFLICT (token_id) DO NOTHING";
     query(sql).bind(&options.token).execute(&mut *tx).await?;
     let sql = "SELECT id, coalesce((SELECT queue_position FROM fair_share WHERE priority = ? AND owner = owners.id), 0)
                FROM owners WHERE token_id = ?";

@@ -36,14 +36,17 @@ fn view() -> Builder {
 }
 
 const VIEW: &str = "SELECT j.*, coalesce(s.labels, j.labels) AS shown_labels, p.levels, r.responses, f.bytes AS frames_bytes, f.count AS frames_count, f.stop_reason AS frames_stop_reason,
-    a.resumed_from_s, a.filled_by, ";
+    a.resumed_from_s, a.filled_by, pr.name AS project_name, nullif(t.user_name, '') AS user_name, ";
 const FROM: &str = " FROM jobs j
     LEFT JOIN sweeps s ON s.id = j.sweep_id
     LEFT JOIN design_points p ON p.sweep_id = j.sweep_id AND p.point = j.point
     LEFT JOIN results r ON r.job_id = j.id
     LEFT JOIN frames f ON f.job_id = j.id AND f.attempt = j.attempt
     LEFT JOIN attempts a ON a.job_id = j.id AND a.number = j.attempt
-    LEFT JOIN checkpoints c ON c.job_id = j.id ";
+    LEFT JOIN checkpoints c ON c.job_id = j.id
+    LEFT JOIN owners o ON o.id = j.owner
+    LEFT JOIN projects pr ON pr.id = o.project
+    LEFT JOIN tokens t ON t.id = o.token_id ";
 
 impl Store {
     /// One job, unless its sweep is hidden.
@@ -132,6 +135,8 @@ fn job_view(row: &Row) -> Result<JobView, StoreError> {
         seed: row.number("seed")?,
         scenario_digest: row.column("scenario_digest")?,
         priority: row.column("priority")?,
+        user: row.column("user_name")?,
+        project: row.column("project_name")?,
         labels: row.json("shown_labels")?,
         attempt: row.number("attempt")?,
         worker_id: row.parsed_opt("worker_id")?,

@@ -61,18 +61,36 @@ pub(super) async fn migrate(connection: &mut Connection) -> Result<(), StoreErro
 
 /// Refuses a database of a newer version, which this program would misread.
 pub(super) async fn refuse_newer(connection: &mut Connection) -> Result<(), StoreError> {
-    let known = migrator(connection.engine()).iter().map(|migration| migration.version).max().unwrap_or(0);
+    let known = newest_known(connection);
+    match newest_run(connection).await? {
+        Some(found) if found > known => Err(StoreError::Newer { found, known }),
+        _ => Ok(()),
+    }
+}
+
+/// Refuses a database of another version, for a program that may not migrate it.
+pub(super) async fn refuse_other(connection: &mut Connection) -> Result<(), StoreError> {
+    refuse_newer(connection).await?;
+    let known = newest_known(connection);
+    match newest_run(connection).await? {
+        Some(found) if found < known => Err(StoreError::Older { found, known }),
+        _ => Ok(()),
+    }
+}
+
+/// The newest migration that this program knows.
+fn newest_known(connection: &Connection) -> i64 {
+    migrator(connection.engine()).iter().map(|migration| migration.version).max().unwrap_or(0)
+}
+
+/// The newest migration that has run on a database; none on a new one.
+async fn newest_run(connection: &mut Connection) -> Result<Option<i64>, StoreError> {
     let is_made = match connection.engine() {
         Engine::Sqlite => "SELECT EXISTS (SELECT 1 FROM sqlite_master WHERE name = '_sqlx_migrations')",
         Engine::Postgres => "SELECT to_regclass('_sqlx_migrations') IS NOT NULL",
     };
     if !query_scalar::<bool>(is_made).fetch_one(&mut *connection).await? {
-        return Ok(());
+        return Ok(None);
     }
-    let found: Option<i64> =
-        query_scalar("SELECT max(version) FROM _sqlx_migrations").fetch_one(connection).await?;
-    match found {
-        Some(found) if found > known => Err(StoreError::Newer { found, known }),
-        _ => Ok(()),
-    }
+    Ok(query_scalar("SELECT max(version) FROM _sqlx_migrations").fetch_one(connection).await?)
 }

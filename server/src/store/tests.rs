@@ -15,6 +15,7 @@ use crate::clock::Now;
 
 mod observations;
 mod postgres;
+mod projects;
 mod query_plans;
 mod waits;
 

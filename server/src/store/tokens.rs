@@ -1,12 +1,14 @@
 //! Access tokens, hashed. The server reads them; `roost token` writes them, with or without a running server.
 
+use roost_api::project::DEFAULT_PROJECT;
 use roost_api::time::Timestamp;
 use roost_api::token::{Scope, TokenView};
 use uuid::Uuid;
 
 use super::columns::{Columns, corrupt, to_json};
 use super::database::{Connection, Row, query, query_scalar, sqlite};
-use super::migrations::{migrate, refuse_newer};
+use super::migrations::{migrate, refuse_other};
+use super::projects::ProjectError;
 use super::{Location, Store, StoreError};
 
 /// A stored token.
@@ -14,6 +16,8 @@ use super::{Location, Store, StoreError};
 pub(crate) struct Token {
     pub(crate) id: String,
     pub(crate) name: String,
+    pub(crate) user: String,
+    pub(crate) project: String,
     pub(crate) hash: blake3::Hash,
     pub(crate) scopes: Vec<Scope>,
     pub(crate) is_revoked: bool,
@@ -22,7 +26,8 @@ pub(crate) struct Token {
 impl Store {
     /// All tokens, revoked ones included: a server without tokens admits everybody, one with only revoked tokens nobody.
     pub(crate) async fn tokens(&self) -> Result<Vec<Token>, StoreError> {
-        let sql = "SELECT id, name, hash, scopes, revoked_at IS NOT NULL AS is_revoked FROM tokens";
+        let sql = "SELECT t.id, t.name, t.user_name, p.name AS project_name, t.hash, t.scopes, t.revoked_at IS NOT NULL AS is_revoked
+                   FROM tokens t JOIN projects p ON p.id = t.project";
         let rows = query(sql).fetch_all(&self.readers).await?;
         let token = |row: &Row| {
             let hash: String = row.column("hash")?;
@@ -30,6 +35,8 @@ impl Store {
             Ok(Token {
                 id: row.column("id")?,
                 name: row.column("name")?,
+                user: row.column("user_name")?,
+                project: row.column("project_name")?,
                 hash,
                 scopes: row.json("scopes")?,
                 is_revoked: row.column("is_revoked")?,
@@ -39,8 +46,21 @@ impl Store {
     }
 }
 
-/// The tokens of a data directory. Opening it does not migrate the database of a running server.
-pub struct TokenFile(Connection);
+/// The tokens and projects of a data directory. Opening it does not migrate the database of a running server.
+pub struct TokenFile(pub(super) Connection);
+
+/// A token to make.
+#[derive(Clone, Copy, Debug)]
+pub struct NewToken<'a> {
+    /// A name for people.
+    pub name: &'a str,
+    /// Its user.
+    pub user: &'a str,
+    /// The name of its project.
+    pub project: &'a str,
+    /// Its scopes.
+    pub scopes: &'a [Scope],
+}
 
 impl TokenFile {
     /// Opens a database. `is_offline`: no server uses it, so that it is created and migrated as needed.
@@ -55,40 +75,65 @@ impl TokenFile {
         if is_offline {
             migrate(&mut connection).await?
         } else {
-            refuse_newer(&mut connection).await?
+            refuse_other(&mut connection).await?
         }
         Ok(Self(connection))
     }
 
-    /// Creates a token and returns it with its secret, which is not stored.
+    /// Creates a token of the default project, whose name also names its user. Returns it with its secret, which is not stored.
     pub async fn create(
         &mut self,
         name: &str,
         scopes: &[Scope],
         now: Timestamp,
-    ) -> Result<(TokenView, String), StoreError> {
+    ) -> Result<(TokenView, String), ProjectError> {
+        self.create_for(NewToken { name, user: name, project: DEFAULT_PROJECT, scopes }, now).await
+    }
+
+    /// Creates a token of a user in a project.
+    pub async fn create_for(
+        &mut self,
+        token: NewToken<'_>,
+        now: Timestamp,
+    ) -> Result<(TokenView, String), ProjectError> {
+        let project = self.project_id(token.project).await?;
         // 244 bits of the system's random numbers.
         let secret = format!("roost_{}{}", Uuid::new_v4().simple(), Uuid::new_v4().simple());
         let id = Uuid::now_v7().to_string();
-        query("INSERT INTO tokens (id, name, hash, scopes, created_at) VALUES (?, ?, ?, ?, ?)")
+        let sql = "INSERT INTO tokens (id, name, hash, scopes, created_at, user_name, project) VALUES (?, ?, ?, ?, ?, ?, ?)";
+        query(sql)
             .bind(&id)
-            .bind(name)
+            .bind(token.name)
             .bind(blake3::hash(secret.as_bytes()).to_hex().to_string())
-            .bind(to_json("scopes", &scopes)?)
+            .bind(to_json("scopes", &token.scopes)?)
             .bind(now.0)
+            .bind(token.user)
+            .bind(project)
             .execute(&mut self.0)
-            .await?;
-        let scopes = scopes.to_vec();
-        Ok((TokenView { id, name: name.to_owned(), scopes, created_at: now, revoked_at: None }, secret))
+            .await
+            .map_err(StoreError::from)?;
+        let view = TokenView {
+            id,
+            name: token.name.to_owned(),
+            user: token.user.to_owned(),
+            project: token.project.to_owned(),
+            scopes: token.scopes.to_vec(),
+            created_at: now,
+            revoked_at: None,
+        };
+        Ok((view, secret))
     }
 
     /// All tokens, newest first.
     pub async fn list(&mut self) -> Result<Vec<TokenView>, StoreError> {
-        let rows = query("SELECT * FROM tokens ORDER BY id DESC").fetch_all(&mut self.0).await?;
+        let sql = "SELECT t.*, p.name AS project_name FROM tokens t JOIN projects p ON p.id = t.project ORDER BY t.id DESC";
+        let rows = query(sql).fetch_all(&mut self.0).await?;
         let view = |row: &Row| {
             Ok(TokenView {
                 id: row.column("id")?,
                 name: row.column("name")?,
+                user: row.column("user_name")?,
+                project: row.column("project_name")?,
                 scopes: row.json("scopes")?,
                 created_at: row.moment("created_at")?,
                 revoked_at: row.moment_opt("revoked_at")?,

@@ -9,14 +9,16 @@ use super::location::open_alone;
 use super::{Location, StoreError};
 
 /// Every table, after those that it refers to.
-pub(super) const TABLES: [&str; 25] = [
+pub(super) const TABLES: [&str; 27] = [
     "workers",
     "sweeps",
     "design_points",
     "scenarios",
     "jobs",
+    "projects",
     "owners",
     "fair_share",
+    "project_rounds",
     "documents",
     "attempts",
     "results",
@@ -36,6 +38,9 @@ pub(super) const TABLES: [&str; 25] = [
     "observation_counts",
     "asks",
 ];
+
+/// Tables in which a migration has made the row 0. Their further rows are numbered.
+const SEEDED: [&str; 2] = ["projects", "owners"];
 
 /// Tables whose rows have numbers that never return.
 const NUMBERED: [&str; 5] = ["sweeps", "jobs", "meshes", "deletions", "events"];
@@ -62,7 +67,7 @@ pub(crate) async fn transfer(from: &Location, to: &Location) -> Result<Vec<Copie
     let mut source = open_alone(from, false).await?;
     let mut target = open_alone(to, true).await?;
     for table in TABLES {
-        let is_seed = if table == "owners" { "WHERE id <> 0" } else { "" };
+        let is_seed = if SEEDED.contains(&table) { "WHERE id <> 0" } else { "" };
         let sql = AssertSqlSafe(format!("SELECT EXISTS (SELECT 1 FROM {table} {is_seed})"));
         if query_scalar::<bool>(sql).fetch_one(&mut target).await? {
             return Err(StoreError::NotEmpty(to.to_string()));
@@ -70,7 +75,7 @@ pub(crate) async fn transfer(from: &Location, to: &Location) -> Result<Vec<Copie
     }
     raw_sql("BEGIN").execute(&mut target).await?;
     for table in TABLES {
-        // Triggers have counted, and the first migration has made an owner.
+        // Triggers have counted, and migrations have made an owner and a project.
         raw_sql(AssertSqlSafe(format!("DELETE FROM {table}"))).execute(&mut target).await?;
         copy_rows(&mut source, &mut target, table).await?;
     }
@@ -185,8 +190,11 @@ async fn copy_numbers(source: &mut Connection, target: &mut Connection) -> Resul
         }
     }
     if target.engine() == Engine::Postgres {
-        let sql = "SELECT setval(pg_get_serial_sequence('owners', 'id'), max(id) + 1) FROM owners";
-        query(sql).execute(&mut *target).await?;
+        for table in SEEDED {
+            let sql =
+                format!("SELECT setval(pg_get_serial_sequence('{table}', 'id'), max(id) + 1) FROM {table}");
+            query(AssertSqlSafe(sql)).execute(&mut *target).await?;
+        }
     }
     Ok(())
 }

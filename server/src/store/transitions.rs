@@ -111,6 +111,8 @@ pub(super) struct AttemptEnd<'a> {
     pub(super) partial: Option<&'a str>,
     /// Where its filled state came from.
     pub(super) filled_by: Option<FilledBy>,
+    /// Threads of the run, by its result.
+    pub(super) threads: Option<u32>,
     pub(super) at: Timestamp,
 }
 
@@ -128,7 +130,7 @@ impl AttemptEnd<'_> {
         };
         json!({
             "job": self.job, "attempt": self.attempt, "outcome": self.outcome.as_str(), "message": self.message,
-            "partial": self.partial, "filled_by": self.filled_by.map(FilledBy::as_str), "at": self.at.0, "state": state.as_str(), "not_before": not_before,
+            "partial": self.partial, "filled_by": self.filled_by.map(FilledBy::as_str), "threads": self.threads, "at": self.at.0, "state": state.as_str(), "not_before": not_before,
             "alone": u8::from(alone), "class": class.map(|class| class.as_str()),
             "why": class.and(self.message), "ended_at": state.is_ended().then_some(self.at.0),
         })
@@ -148,7 +150,8 @@ pub(super) async fn end_attempts(tx: &mut Connection, endings: &[AttemptEnd<'_>]
 
 pub(super) const END: &str = "
     UPDATE attempts SET outcome = e.value ->> 'outcome', message = e.value ->> 'message',
-                        partial_digest = e.value ->> 'partial', filled_by = e.value ->> 'filled_by', ended_at = CAST(e.value ->> 'at' AS BIGINT)
+                        partial_digest = e.value ->> 'partial', filled_by = e.value ->> 'filled_by',
+                        threads = CAST(e.value ->> 'threads' AS BIGINT), ended_at = CAST(e.value ->> 'at' AS BIGINT)
     FROM json_each(?) AS e
     WHERE attempts.job_id = e.value ->> 'job' AND attempts.number = CAST(e.value ->> 'attempt' AS BIGINT);
     UPDATE jobs SET state = e.value ->> 'state', not_before = CAST(e.value ->> 'not_before' AS BIGINT),

@@ -13,12 +13,13 @@ use roost_api::time::Timestamp;
 use super::columns::{Columns, to_json};
 use super::database::{Row, query, query_scalar};
 use super::eligible_jobs::{
-    ROUNDS, can_continue, claimable, computing_attempt, fits, has_failed, heads, is_left_to,
+    ROUNDS, can_continue, claimable, computing_attempt, fits, has_failed, heads, is_left_to, is_open,
+    rounds_of,
 };
 use super::versions::QUEUED_AT;
 use super::workers::online_window;
 use super::{Store, StoreError};
-use crate::queue::{Owner, QueuedJob, Rounds, WorkerSight};
+use crate::queue::{Owner, Project, QueuedJob, Rounds, WorkerSight};
 
 /// Maximum number of jobs of a queue that are counted one by one.
 const MAX_COUNTED: u64 = 1000;
@@ -51,6 +52,7 @@ pub(crate) struct StoredQueuedJob {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct QueueGroup {
     pub(crate) priority: i32,
+    pub(crate) project: Project,
     pub(crate) owner: Owner,
     pub(crate) queue: i64,
     pub(crate) needs: Needs,
@@ -103,7 +105,7 @@ pub(super) const SIGHTS: &str = concat!(
 pub(super) const QUEUES: &str = concat!(
     heads!(),
     "
-    SELECT heads.priority, heads.owner, heads.queue, first.needs_backend, first.needs_memory_mib, first.queue_position AS first,
+    SELECT heads.priority, owners.project, projects.share, heads.owner, heads.queue, first.needs_backend, first.needs_memory_mib, first.queue_position AS first,
            (SELECT j.queue_position FROM jobs j WHERE ",
     claimable!("j"),
     " AND j.priority = heads.priority AND j.owner = heads.owner AND j.queue = heads.queue
@@ -111,10 +113,11 @@ pub(super) const QUEUES: &str = concat!(
            (SELECT count(*) FROM (SELECT 1 FROM jobs j WHERE ",
     claimable!("j"),
     " AND j.priority = heads.priority AND j.owner = heads.owner AND j.queue = heads.queue LIMIT ?1) AS counted) AS jobs
-    FROM heads CROSS JOIN jobs first ON first.seq = (SELECT j.seq FROM jobs j WHERE ",
+    FROM heads CROSS JOIN owners ON owners.id = heads.owner CROSS JOIN projects ON projects.id = owners.project CROSS JOIN jobs first ON first.seq = (SELECT j.seq FROM jobs j WHERE ",
     claimable!("j"),
     " AND j.priority = heads.priority AND j.owner = heads.owner AND j.queue = heads.queue ORDER BY j.queue_position, j.seq LIMIT 1)
-    WHERE heads.queue NOT IN (SELECT seq FROM sweeps WHERE state <> 'ready')"
+    WHERE ",
+    is_open!()
 );
 
 /// The common queue of an owner by needs: the first jobs up to a limit.
@@ -209,7 +212,9 @@ impl Store {
             }
             None => None,
         };
+        let place = place(&row)?;
         let job = QueuedJob {
+            spent: self.spent_budget(place.owner).await?,
             paused: row.column("paused")?,
             retry_at: row.moment_opt("not_before")?,
             newest,
@@ -217,7 +222,7 @@ impl Store {
             needs: needs(&row)?,
         };
         let since = Timestamp(since.unwrap_or(row.column("submitted_at")?));
-        Ok(Some(StoredQueuedJob { job, place: place(&row)?, since }))
+        Ok(Some(StoredQueuedJob { job, place, since }))
     }
 
     /// What a job needs, in any state.
@@ -271,7 +276,7 @@ impl Store {
         rows.iter().map(sight).collect()
     }
 
-    /// The lengths of all queues, by priority, and the rounds of their owners.
+    /// The lengths of all queues that claims look at, by priority, and the rounds of their owners and projects.
     ///
     /// A sweep in a queue of its own has consecutive positions: above [`MAX_COUNTED`], they give the number of its jobs. Of the common
     /// queue of an owner, which has single jobs and small sweeps, up to [`MAX_COMMON`] jobs are counted by needs.
@@ -279,11 +284,12 @@ impl Store {
         let rows = query(QUEUES).bind(MAX_COUNTED as i64 + 1).fetch_all(&self.readers).await?;
         let mut groups = Vec::with_capacity(rows.len());
         for row in &rows {
-            let mut found = group(row)?;
+            let project = Project { id: row.column("project")?, share: row.number("share")? };
+            let mut found = group(row, project)?;
             if found.queue == 0 {
                 let common = query(COMMON).bind(found.priority).bind(found.owner).bind(MAX_COMMON);
                 for row in common.fetch_all(&self.readers).await? {
-                    groups.push(group(&row)?);
+                    groups.push(group(&row, project)?);
                 }
                 continue;
             }
@@ -295,10 +301,8 @@ impl Store {
         let mut priorities: Vec<i32> = groups.iter().map(|group| group.priority).collect();
         priorities.sort_unstable();
         priorities.dedup();
-        let mut rounds = Rounds::default();
-        for row in query(ROUNDS).bind(to_json("priorities", &priorities)?).fetch_all(&self.readers).await? {
-            rounds.record(row.column("priority")?, row.column("owner")?, row.column("round")?);
-        }
+        let rows = query(ROUNDS).bind(to_json("priorities", &priorities)?).fetch_all(&self.readers).await?;
+        let rounds = rounds_of(&rows)?;
         Ok((groups, rounds))
     }
 
@@ -360,9 +364,10 @@ fn needs(row: &Row) -> Result<Needs, StoreError> {
     Ok(Needs { backend: row.column("needs_backend")?, memory_mib: row.number_opt("needs_memory_mib")? })
 }
 
-fn group(row: &Row) -> Result<QueueGroup, StoreError> {
+fn group(row: &Row, project: Project) -> Result<QueueGroup, StoreError> {
     Ok(QueueGroup {
         priority: row.column("priority")?,
+        project,
         owner: row.column("owner")?,
         queue: row.column("queue")?,
         needs: needs(row)?,

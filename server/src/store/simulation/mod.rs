@@ -9,6 +9,7 @@
 
 mod fills;
 mod model;
+mod turns;
 mod world;
 
 use std::panic::AssertUnwindSafe;

@@ -1,12 +1,13 @@
 //! The predicted effect of every step, from the rules of `api.md` alone.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::{AttemptOutcome, FailureClass, JobState};
 use roost_api::lease::Directive;
 
 use super::fills::{Fill, FillKey, Fills};
+use super::turns::Served;
 
 /// Leases, in milliseconds.
 pub(super) const LEASE_MS: i64 = 10_000;
@@ -266,38 +267,28 @@ pub(super) struct Waiting {
 pub(super) struct Model {
     pub(super) jobs: BTreeMap<JobId, Job>,
     pub(super) fills: Fills,
-    /// Owners that have had a job in the current round, by priority.
-    served: BTreeMap<i32, BTreeSet<&'static str>>,
-}
-
-/// Records a job of an owner: a second one in a round starts the next round.
-fn serve(served: &mut BTreeSet<&'static str>, owner: &'static str) {
-    if !served.insert(owner) {
-        *served = BTreeSet::from([owner]);
-    }
+    /// Turns of projects and owners, by priority.
+    served: BTreeMap<i32, Served>,
 }
 
 impl Model {
-    /// The next of these jobs, which are sorted by position: of the highest priority, first of an owner without a job in this round, then
-    /// the oldest.
+    /// The next of these jobs, which are sorted by position: of the highest priority, then by turns.
     pub(super) fn next_jobs(&self, waiting: &[Waiting], max: usize) -> Vec<Waiting> {
         let (mut left, mut served, mut next) = (waiting.to_vec(), self.served.clone(), Vec::new());
         while next.len() < max
             && let Some(priority) = left.iter().map(|job| self.jobs[&job.id].priority).max()
         {
             let served = served.entry(priority).or_default();
-            let mut firsts: BTreeMap<&str, usize> = BTreeMap::new();
+            let mut firsts = BTreeMap::new();
             for (place, job) in left.iter().enumerate() {
                 let Job { priority: its, owner, .. } = self.jobs[&job.id];
                 if its == priority {
                     firsts.entry(owner).or_insert(place);
                 }
             }
-            let rank = |(owner, place): &(&&str, &usize)| (served.contains(**owner), left[**place].seq);
-            let (_, place) = firsts.iter().min_by_key(rank).expect("one of that priority");
-            let job = left.remove(*place);
+            let job = left.remove(served.next(&firsts, &left));
             left.retain(|other| job.computes.is_none() || other.computes != job.computes);
-            serve(served, self.jobs[&job.id].owner);
+            served.serve(self.jobs[&job.id].owner);
             next.push(job);
         }
         next
@@ -310,7 +301,7 @@ impl Model {
         }
         let job = self.jobs.get_mut(&id).expect("known");
         job.claim(worker, now);
-        serve(self.served.entry(job.priority).or_default(), job.owner);
+        self.served.entry(job.priority).or_default().serve(job.owner);
     }
 
     /// The number of jobs that a worker holds, and whether one of them runs alone.

@@ -27,6 +27,8 @@ async fn a_claim_walks_an_index_without_sorting() {
         "CO-ROUTINE first",
         "SEARCH f USING PRIMARY KEY (fill_digest=? AND solver_revision=? AND backend=? AND device=?)",
         "INDEX sweeps_hidden",
+        "SCAN p USING COVERING INDEX projects_with_budget",
+        "SEARCH o USING COVERING INDEX owners_by_project (project=?)",
     ] {
         assert!(steps.contains(step), "{step}: {steps}");
     }
@@ -39,7 +41,8 @@ async fn a_claim_walks_an_index_without_sorting() {
         "{steps}"
     );
     let steps = plan(&store, ROUNDS).await;
-    assert!(steps.contains("SEARCH fair_share USING PRIMARY KEY (priority=?)"), "{steps}");
+    assert!(steps.contains("SEARCH f USING PRIMARY KEY (priority=?)"), "{steps}");
+    assert!(steps.contains("SEARCH project_rounds USING PRIMARY KEY (priority=?)"), "{steps}");
 
     let sorted =
         plan(&store, "SELECT seq FROM jobs WHERE state = 'queued' ORDER BY queue_position, priority").await;
@@ -66,6 +69,7 @@ async fn frequent_queries_use_an_index() {
         (job_control::FAILED, "SEARCH jobs USING INDEX jobs_by_sweep (sweep_id=? AND state=?)"),
         ("SELECT seq FROM sweeps WHERE state <> 'ready'", "INDEX sweeps_hidden"),
         (versions::QUEUED_AT, "events_of_job"),
+        (projects::SPENT, "COVERING INDEX projects_with_budget"),
         ("SELECT 1 FROM jobs WHERE state = 'running' AND lease_expires_at <= 5", "jobs_by_lease"),
         ("SELECT 1 FROM jobs WHERE state = 'running' AND deadline <= 5", "jobs_by_deadline"),
         ("SELECT 1 FROM jobs WHERE not_before <= 5", "jobs_by_not_before"),

@@ -21,9 +21,10 @@ use uuid::{Builder, Uuid};
 use workers::SimulatedClaim;
 
 use super::model::{Job, LEASE_MS, LOST_ATTEMPTS, Model, WORKER_ATTEMPTS};
+use super::turns::{OWNERS, SHARES};
 use crate::clock::Now;
 use crate::queue::{RetryLimit, RetryPolicy};
-use crate::store::database::{query, raw_sql};
+use crate::store::database::{query, query_scalar, raw_sql};
 use crate::store::{NewJob, Store};
 
 /// Scenarios of the jobs: few, so that some results come from the cache. The first three have one fill, the others another.
@@ -41,8 +42,10 @@ fn fill_of(which: usize) -> usize {
     which / 3
 }
 
-/// Tokens that submit.
-const OWNERS: [&str; 3] = ["", "a", "b"];
+/// Number of projects whose use is not the sum over their ended attempts.
+const MISCOUNTED: &str = "SELECT count(*) FROM projects p WHERE p.used_core_ms <> (
+    SELECT coalesce(sum(CASE WHEN a.ended_at > a.claimed_at THEN (a.ended_at - a.claimed_at) * coalesce(a.threads, 1) ELSE 0 END), 0)
+    FROM attempts a JOIN jobs j ON j.id = a.job_id JOIN owners o ON o.id = j.owner WHERE o.project = p.id)";
 
 const DEVICE: &str = "simulated";
 const BACKENDS: [&str; 2] = ["cpu", "gpu"];
@@ -91,12 +94,22 @@ impl<'s> World<'s> {
     pub(super) async fn new(store: &'s Store, seed: u64) -> Self {
         let clear = "DELETE FROM fills; DELETE FROM checkpoints; DELETE FROM results; DELETE FROM attempts; DELETE FROM jobs; DELETE FROM design_points;
                      DELETE FROM sweeps; DELETE FROM workers; DELETE FROM fair_share;
-                     DELETE FROM documents; DELETE FROM scenarios";
-        store
-            .writer
-            .write(move |tx| Box::pin(async move { Ok(raw_sql(clear).execute(tx).await.map(drop)?) }))
-            .await
-            .unwrap();
+                     DELETE FROM project_rounds; UPDATE projects SET used_core_ms = 0; DELETE FROM documents; DELETE FROM scenarios";
+        let make_project =
+            "INSERT INTO projects (id, name, share) VALUES (1, 'simulated', ?) ON CONFLICT (id) DO NOTHING";
+        let make_token = "INSERT INTO tokens (id, name, hash, scopes, created_at, project) VALUES (?1, '', ?1, '[]', 0, ?2)
+                          ON CONFLICT (id) DO NOTHING";
+        let start = store.writer.write(move |tx| {
+            Box::pin(async move {
+                raw_sql(clear).execute(&mut *tx).await?;
+                query(make_project).bind(SHARES[1]).execute(&mut *tx).await?;
+                for (token, project) in OWNERS {
+                    query(make_token).bind(token).bind(project).execute(&mut *tx).await?;
+                }
+                Ok(())
+            })
+        });
+        start.await.unwrap();
         let mut random = fastrand::Rng::with_seed(seed);
         let tries = |attempts| RetryLimit {
             attempts,
@@ -209,7 +222,7 @@ impl<'s> World<'s> {
         let backend = maybe(&mut self.random).then(|| self.random.choice(BACKENDS).unwrap());
         let memory_mib = maybe(&mut self.random).then(|| self.random.choice(MEMORY).unwrap());
         let max_wall_ms = maybe(&mut self.random).then_some(LEASE_MS);
-        let (priority, owner) = (self.random.i32(0..2), self.random.choice(OWNERS).unwrap());
+        let (priority, (owner, _)) = (self.random.i32(0..2), self.random.choice(OWNERS).unwrap());
         let shared_fill = !maybe(&mut self.random);
         let job = NewJob {
             id,
@@ -308,6 +321,8 @@ impl<'s> World<'s> {
             assert_eq!(row.get::<Option<u32>>("result"), job.result, "{id}");
         }
         self.compare_fills().await;
+        let differing: i64 = query_scalar(MISCOUNTED).fetch_one(&self.store.readers).await.unwrap();
+        assert_eq!(differing, 0, "projects whose use is not the sum over their attempts");
     }
 
     /// Two capable workers register and run the remaining jobs: every job must end.

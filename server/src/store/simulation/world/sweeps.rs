@@ -5,7 +5,8 @@ use roost_api::job::JobState;
 use serde_json::Map;
 
 use super::super::model::Job;
-use super::{OWNERS, SCENARIOS, World, fill_of};
+use super::super::turns::OWNERS;
+use super::{SCENARIOS, World, fill_of};
 use crate::store::database::{query_as, query_scalar};
 use crate::store::deletion::mark_leftovers;
 use crate::store::submit::{NewSweep, Submission};
@@ -52,7 +53,7 @@ impl World<'_> {
 
     async fn begin_sweep(&mut self) {
         let id = SweepId(self.uuid());
-        let (priority, owner) = (self.random.i32(0..2), self.random.choice(OWNERS).unwrap());
+        let (priority, (owner, _)) = (self.random.i32(0..2), self.random.choice(OWNERS).unwrap());
         let scenarios: Vec<usize> = (0..2).map(|_| self.random.usize(0..SCENARIOS.len())).collect();
         let trial = |(point, which): (usize, &usize)| Trial {
             point: point as u32,
