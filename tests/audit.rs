@@ -64,7 +64,12 @@ fn every_change_and_refusal_is_one_log_line() {
         let made: Value = serde_json::from_str(&stdout(&made)).unwrap();
         (made["token"].as_str().unwrap().to_owned(), made["view"]["id"].as_str().unwrap().to_owned())
     };
-    let (admin, admin_id) = create("admin", "me");
+    stdout(&run(&["project", "create", "wax", "--data", &data]));
+    let user = ["--user", "Ada Lovelace", "--project", "wax"];
+    let made =
+        run(&[&["token", "create", "--json", "--scope", "admin", "--data", &data][..], &user].concat());
+    let made: Value = serde_json::from_str(&stdout(&made)).unwrap();
+    let (admin, admin_id) = (made["token"].as_str().unwrap(), &made["view"]["id"]);
     let server = sandbox.spawn_server(&["--lease-s", "2", "--log-format", "json"]);
     wait_until("the server answers", || sandbox.status("/healthz").filter(|status| *status == 200));
 
@@ -73,7 +78,7 @@ fn every_change_and_refusal_is_one_log_line() {
         "solver_revision": 1, "device": "none", "threads": 1});
     let mut expected = Vec::new();
     let mut act = |action: &'static str, method: &str, path: &str, body: Option<&Value>| {
-        let answered = ask(&sandbox, method, path, &admin, body);
+        let answered = ask(&sandbox, method, path, admin, body);
         expected.push((
             action,
             answered.request.clone(),
@@ -107,9 +112,9 @@ fn every_change_and_refusal_is_one_log_line() {
         "{expected:?}"
     );
     // None of these requests changes data of users.
-    ask(&sandbox, "GET", "/v1/jobs", &admin, None);
-    ask(&sandbox, "POST", "/v1/prune?older_than_s=1e9&dry_run=true", &admin, None);
-    ask(&sandbox, "POST", "/v1/workers", &admin, Some(&worker));
+    ask(&sandbox, "GET", "/v1/jobs", admin, None);
+    ask(&sandbox, "POST", "/v1/prune?older_than_s=1e9&dry_run=true", admin, None);
+    ask(&sandbox, "POST", "/v1/workers", admin, Some(&worker));
 
     let guessed = ask(&sandbox, "GET", "/v1/jobs", "guessed", None);
     assert_eq!(guessed.status, 401);
@@ -132,7 +137,8 @@ fn every_change_and_refusal_is_one_log_line() {
     assert_eq!(done.len(), expected.len(), "one line each, and no others: {done:#?}");
     for (line, (action, request, path, status, location)) in done.iter().zip(&expected) {
         assert_eq!(line["action"], *action, "{line}");
-        assert_eq!(line["token"], admin_id, "{line}");
+        assert_eq!(line["token"], *admin_id, "{line}");
+        assert_eq!((&line["user"], &line["project"]), (&json!("Ada Lovelace"), &json!("wax")), "{line}");
         assert_eq!(line["request"], *request, "{line}");
         assert_eq!(line["path"].as_str(), path.split('?').next(), "{line}");
         assert_eq!(line["status"], *status, "{line}");
@@ -151,14 +157,18 @@ fn every_change_and_refusal_is_one_log_line() {
         assert_eq!((&lines[0]["action"], &lines[0]["level"]), (&json!("refuse"), &json!("WARN")));
         assert_eq!((&lines[0]["status"], &lines[0]["reason"]), (&json!(answered.status), &json!(reason)));
         assert_eq!((&lines[0]["token"], &lines[0]["path"]), (&token, &json!(path)));
+        let project = if token.is_null() { json!(null) } else { json!("default") };
+        assert_eq!(lines[0]["project"], project);
     }
     for action in ["token_create", "token_revoke"] {
         let lines: Vec<_> = log.iter().filter(|line| line["action"] == action).collect();
         assert_eq!(lines.len(), 1, "{action}: {lines:?}");
         assert_eq!((&lines[0]["token"], &lines[0]["scopes"]), (&json!(reader_id), &json!("read")));
+        // Without `--user`, the name of the token names the user.
+        assert_eq!((&lines[0]["user"], &lines[0]["project"]), (&lines[0]["name"], &json!("default")));
     }
     let log = server.log();
-    assert!(!log.contains(&admin) && !log.contains(&reader), "no secret is logged");
+    assert!(!log.contains(admin) && !log.contains(&reader), "no secret is logged");
 }
 
 #[test]
@@ -186,7 +196,10 @@ fn client_that_disconnects_before_the_response_is_logged() {
     });
     // A fast machine may respond in time.
     assert_eq!(line["message"], if left.status.success() { "done" } else { "unanswered" }, "{line}");
-    assert_eq!(line["token"], "open");
+    assert_eq!(
+        (&line["token"], &line["project"], &line["user"]),
+        (&json!("open"), &json!("default"), &json!(null))
+    );
     let forwarded_for = line["forwarded_for"].as_str().unwrap();
     assert!(forwarded_for.ends_with(", 192.0.2.7") && forwarded_for.len() <= 200, "{line}");
     wait_until("the sweep is there all the same", || {

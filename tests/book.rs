@@ -284,6 +284,22 @@ fn a_server_is_backed_up_and_gets_a_new_token() {
 }
 
 #[test]
+fn a_server_has_projects_with_shares_and_budgets() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    run(&sandbox, "docs/howto/operate.md", "a_server_has_projects_with_shares_and_budgets", &[], "");
+    let data = sandbox.path("data").display().to_string();
+    let listed = |what| support::stdout(&support::run(&[what, "list", "--json", "--data", &data]));
+    let projects: serde_json::Value = serde_json::from_str(&listed("project")).unwrap();
+    let project = &projects[0];
+    assert_eq!((&project["name"], &project["share"]), (&"coatings".into(), &2.into()), "{projects}");
+    assert_eq!(project["budget_core_hours"], 800.0);
+    let tokens: serde_json::Value = serde_json::from_str(&listed("token")).unwrap();
+    let token = &tokens[0];
+    assert_eq!((&token["user"], &token["project"]), (&"Ada".into(), &"coatings".into()), "{tokens}");
+}
+
+#[test]
 fn old_backups_are_deleted_after_a_new_one_only() {
     let sandbox = Sandbox::new();
     let _server = sandbox.start_server();

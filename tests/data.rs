@@ -75,6 +75,54 @@ fn backup_of_a_busy_server_is_consistent_and_restores() {
 }
 
 #[test]
+fn projects_are_made_listed_and_changed() {
+    let sandbox = Sandbox::new();
+    let data = sandbox.path("data").display().to_string();
+    let project = |args: &[&str]| run(&[&["project"], args, &["--data", &data]].concat());
+    let missing = project(&["list"]);
+    assert!(transcript(&missing).contains("there is no roost.db"), "{}", transcript(&missing));
+    let made = project(&["create", "wax", "--share", "3", "--json"]);
+    let made: Value = serde_json::from_str(&stdout(&made)).unwrap();
+    let expected = json!({"name": "wax", "share": 3, "budget_core_hours": null, "used_core_hours": 0.0, "queued": 0, "running": 0});
+    assert_eq!(made, expected);
+    let _server = sandbox.start_server();
+    let changed = project(&["set", "wax", "--budget-core-hours", "10.5"]);
+    assert!(stdout(&changed).contains("10.5"), "{}", transcript(&changed));
+    let listed = sandbox.get("/v1/projects");
+    assert_eq!(
+        (&listed["items"][0]["share"], &listed["items"][0]["budget_core_hours"]),
+        (&json!(3), &json!(10.5))
+    );
+    stdout(&project(&["set", "wax", "--budget-core-hours", "none"]));
+    assert_eq!(sandbox.get("/v1/projects")["items"][0]["budget_core_hours"], json!(null));
+    for (args, named) in [
+        (&["create", "wax"][..], "project wax already exists"),
+        (&["create", "-wax"], "unexpected argument"),
+        (&["create", "a b"], "project name \"a b\" is invalid: allowed are 1 to 64"),
+        (&["set", "wox", "--share", "2"], "project \"wox\" does not exist: `roost project list` shows all"),
+        (&["set", "wax"], "nothing to change: give --share or --budget-core-hours"),
+        (&["set", "wax", "--share", "0"], "0 is not in 1..=1000"),
+        (&["set", "wax", "--budget-core-hours", "lots"], "allowed is a number from 0 to 1e9, or `none`"),
+        (&["set", "wax", "--budget-core-hours=-1"], "allowed is a number from 0 to 1e9, or `none`"),
+    ] {
+        let refused = project(args);
+        let text = transcript(&refused);
+        assert!(!refused.status.success() && text.contains(named), "{named}: {text}");
+    }
+    let token =
+        |more: &[&str]| run(&[&["token", "create", "--scope", "read", "--data", &data], more].concat());
+    for (more, named) in [
+        (&["--project", "wox"][..], "project \"wox\" does not exist"),
+        (&["--user", ""], "allowed are 1 to 256 bytes without control characters"),
+        (&["--user", "a\nb"], "allowed are 1 to 256 bytes without control characters"),
+    ] {
+        let refused = token(more);
+        let text = transcript(&refused);
+        assert!(!refused.status.success() && text.contains(named), "{named}: {text}");
+    }
+}
+
+#[test]
 #[cfg(not(feature = "s3"))]
 fn bucket_is_refused_by_a_build_without_bucket_support() {
     let sandbox = Sandbox::new();
