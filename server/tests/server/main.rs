@@ -26,6 +26,7 @@ mod metrics;
 mod origins;
 mod pages;
 mod pauses;
+mod projects;
 mod retries;
 mod safety;
 mod series;

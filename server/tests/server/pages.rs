@@ -97,7 +97,7 @@ async fn specified_ranges_are_enforced() {
             ranges += 1;
         }
     }
-    assert_eq!(ranges, 9, "`limit` of eight listings, and `samples`");
+    assert_eq!(ranges, 10, "`limit` of nine listings, and `samples`");
 
     let worker = server.worker("cpu").await;
     // The claim comes last, since it takes all queued jobs: a claim without work waits.

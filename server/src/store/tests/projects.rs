@@ -12,7 +12,7 @@ use roost_solver::scenario::{self, Scenario};
 use serde_json::{Map, json};
 use uuid::Uuid;
 
-use super::super::database::query_as;
+use super::super::database::{Connection, query_as, sqlite};
 use super::super::*;
 use super::*;
 use crate::queue::{Provenance, RetryPolicy};
@@ -24,6 +24,7 @@ on_both_engines!(
     a_project_without_budget_waits_until_the_budget_is_raised,
     an_attempt_counts_once_when_it_ends,
     projects_are_checked_when_they_are_made_and_changed,
+    an_upgrade_puts_earlier_tokens_into_the_default_project,
 );
 
 const LEASE: Duration = Duration::from_secs(9);
@@ -305,4 +306,63 @@ async fn projects_are_checked_when_they_are_made_and_changed(place: Place) {
     file.set_project("a", budget(Some(0.0))).await.unwrap();
     assert!(file.project("a").await.unwrap().is_used_up());
     file.close().await.unwrap();
+}
+
+/// The migrations before projects.
+async fn migrate_before_projects(connection: &mut Connection) {
+    let mut migrations = migrator(connection.engine());
+    let before = if connection.engine() == Engine::Sqlite { 21 } else { 1 };
+    migrations.migrations.to_mut().retain(|migration| migration.version <= before);
+    let done = match connection {
+        Connection::Sqlite(connection) => migrations.run_direct(None, &mut **connection, false).await,
+        Connection::Postgres(connection) => migrations.run_direct(None, &mut **connection, false).await,
+        _ => panic!("a lent connection"),
+    };
+    done.unwrap();
+}
+
+async fn an_upgrade_puts_earlier_tokens_into_the_default_project(place: Place) {
+    let mut connection: Connection = match &place.location {
+        Location::File(path) => sqlite::connect(sqlite::options(path)).await.unwrap().0.into(),
+        Location::Postgres(address) => address.connect().await.unwrap().0.into(),
+    };
+    migrate_before_projects(&mut connection).await;
+    let rows = "
+        INSERT INTO tokens (id, name, hash, scopes, created_at) VALUES ('t', 'Ada', 'h', '[]', 0);
+        INSERT INTO owners (id, token_id) VALUES (7, 't');
+        INSERT INTO fair_share (priority, owner, queue_position, round) VALUES (0, 0, 5, 9), (0, 7, 5, 8);
+        INSERT INTO scenarios (digest, body) VALUES ('d', '{}');
+        INSERT INTO workers (id, name, solver_revision, backend, device, threads, registered_at, last_seen_at)
+        VALUES ('w', 'w', 1, 'cpu', 'd', 1, 0, 0);
+        INSERT INTO jobs (id, scenario_digest, seed, priority, owner, queue_position, labels, cache, submitted_at)
+        VALUES ('01890000-0000-7000-8000-000000000000', 'd', 1, 0, 0, 6, '{}', 'use', 0),
+               ('01890000-0000-7000-8000-000000000001', 'd', 1, 0, 7, 6, '{}', 'use', 0);
+        INSERT INTO attempts (job_id, number, worker_id, request_id, outcome, claimed_at, ended_at)
+        VALUES ('01890000-0000-7000-8000-000000000001', 1, 'w', 'r', 'lost', 0, 5400000),
+               ('01890000-0000-7000-8000-000000000001', 2, 'w', 'r', NULL, 5400000, NULL)";
+    raw_sql(rows).execute(&mut connection).await.unwrap();
+    connection.close().await.unwrap();
+    if let Location::File(_) = &place.location {
+        // A server of the earlier version runs: the database stays as it is.
+        let error = TokenFile::open(&place.location, false).await.err().expect("an older database");
+        assert!(matches!(error, StoreError::Older { found: 21, known } if known > 21), "{error:?}");
+        assert!(error.to_string().contains("restart the server"), "{error}");
+    }
+
+    let store = place.open().await;
+    let token = store.tokens().await.unwrap().remove(0);
+    assert_eq!((token.user.as_str(), token.project.as_str()), ("Ada", "default"));
+    let (projects, _) = store.projects(None, 9).await.unwrap();
+    let view = &projects[0];
+    assert_eq!((view.name.as_str(), view.share, view.budget_core_hours), ("default", 1, None));
+    assert_eq!((view.used_core_hours, view.queued), (1.5, 2));
+    // The owner that is a round behind is next, as before.
+    let worker = register(&store).await;
+    let owners = async || {
+        let sql = "SELECT owner FROM jobs WHERE state = 'running'";
+        query_scalar::<i64>(sql).fetch_all(&store.readers).await.unwrap()
+    };
+    let _ = store.claims.submit((claim_of(worker, 1), at(0))).await.unwrap();
+    assert_eq!(owners().await, [7]);
+    store.close().await;
 }
