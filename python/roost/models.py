@@ -69,7 +69,7 @@ StudyEnd: TypeAlias = Literal["by_rule", "by_budget", "nothing_left"]
 StudyState: TypeAlias = Literal["running", "paused", "finished", "cancelled"]
 """The state of a study."""
 
-WaitReason: TypeAlias = Literal["paused", "retry_pause", "no_worker", "no_fitting_worker", "waiting_for_fill", "needs_idle_worker", "behind", "workers_busy", "next"]
+WaitReason: TypeAlias = Literal["paused", "retry_pause", "budget_used", "no_worker", "no_fitting_worker", "waiting_for_fill", "needs_idle_worker", "behind", "workers_busy", "next"]
 """Why a queued job waits."""
 
 class Ask(TypedDict):
@@ -623,6 +623,8 @@ class JobView(TypedDict):
     priority: int
     """Jobs of higher priority are claimed first."""
     progress: NotRequired[Progress | None]
+    project: NotRequired[str]
+    """The project of this token."""
     replicate: NotRequired[int | None]
     """Replicate of the design point."""
     responses: Mapping[str, Any]
@@ -644,6 +646,8 @@ class JobView(TypedDict):
     submitted_at: str
     """When it was submitted."""
     sweep_id: NotRequired[SweepId | None]
+    user: NotRequired[str | None]
+    """The user whose token created it; null if unknown, as without tokens."""
     waiting: NotRequired[Waiting | None]
     worker_id: NotRequired[WorkerId | None]
 
@@ -769,6 +773,15 @@ class Page_JobView(TypedDict):
 
 
 class Page_MeshView(TypedDict):
+    """One page of a listing."""
+
+    items: list[Mapping[str, Any]]
+    """The rows, newest first."""
+    next_cursor: NotRequired[str | None]
+    """Pass as `cursor` to get the rows after these; null on the last page."""
+
+
+class Page_ProjectView(TypedDict):
     """One page of a listing."""
 
     items: list[Mapping[str, Any]]
@@ -955,6 +968,23 @@ class Progress(TypedDict):
     """Belt time, in seconds; negative while filling, counted from the longest fill allowed."""
     wall_s: float
     """Wall time so far, in seconds."""
+
+
+class ProjectView(TypedDict):
+    """A project as the API shows it."""
+
+    budget_core_hours: NotRequired[float | None]
+    """Its budget, in core-hours; null without a limit."""
+    name: str
+    """Its name."""
+    queued: int
+    """Number of its queued jobs."""
+    running: int
+    """Number of its running jobs."""
+    share: int
+    """Jobs of the project per round of claims, while several projects have queued jobs."""
+    used_core_hours: float
+    """Core-hours that its ended attempts have used: wall time times threads."""
 
 
 class PrunedSweep(TypedDict):
