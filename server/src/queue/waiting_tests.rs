@@ -48,7 +48,7 @@ fn every_waiting_reason_has_its_condition() {
     let spent = QueuedJob { spent: Some(spent), ..JOB };
     assert_eq!(reason(&spent, &[], none), WaitReason::BudgetUsed);
     assert_eq!(
-        why(&spent, &[free.clone()]).1,
+        why(&spent, std::slice::from_ref(&free)).1,
         "project p has used 10.2 of 10 core-hours; raise it with `roost project set p --budget-core-hours N`"
     );
     let draining = WorkerSight { draining: true, ..free.clone() };
