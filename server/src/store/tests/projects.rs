@@ -328,18 +328,18 @@ async fn an_upgrade_puts_earlier_tokens_into_the_default_project(place: Place) {
     };
     migrate_before_projects(&mut connection).await;
     let rows = "
-        INSERT INTO tokens (id, name, hash, scopes, created_at) VALUES ('t', 'Ada', 'h', '[]', 0);
+        INSERT INTO tokens (id, name, hash, scopes, created_at) VALUES 
+            ('t', 'Ada', '0000000000000000000000000000000000000000000000000000000000000000', '[]', 0);
         INSERT INTO owners (id, token_id) VALUES (7, 't');
         INSERT INTO fair_share (priority, owner, queue_position, round) VALUES (0, 0, 5, 9), (0, 7, 5, 8);
         INSERT INTO scenarios (digest, body) VALUES ('d', '{}');
         INSERT INTO workers (id, name, solver_revision, backend, device, threads, registered_at, last_seen_at)
         VALUES ('w', 'w', 1, 'cpu', 'd', 1, 0, 0);
-        INSERT INTO jobs (id, scenario_digest, seed, priority, owner, queue_position, labels, cache, submitted_at)
-        VALUES ('01890000-0000-7000-8000-000000000000', 'd', 1, 0, 0, 6, '{}', 'use', 0),
-               ('01890000-0000-7000-8000-000000000001', 'd', 1, 0, 7, 6, '{}', 'use', 0);
+        INSERT INTO jobs (id, scenario_digest, seed, priority, owner, queue_position, labels, cache, submitted_at, attempt)
+        VALUES ('01890000-0000-7000-8000-000000000000', 'd', 1, 0, 0, 6, '{}', 'use', 0, 0),
+               ('01890000-0000-7000-8000-000000000001', 'd', 1, 0, 7, 6, '{}', 'use', 0, 1);
         INSERT INTO attempts (job_id, number, worker_id, request_id, outcome, claimed_at, ended_at)
-        VALUES ('01890000-0000-7000-8000-000000000001', 1, 'w', 'r', 'lost', 0, 5400000),
-               ('01890000-0000-7000-8000-000000000001', 2, 'w', 'r', NULL, 5400000, NULL)";
+        VALUES ('01890000-0000-7000-8000-000000000001', 1, 'w', 'r', 'lost', 0, 5400000)";
     raw_sql(rows).execute(&mut connection).await.unwrap();
     connection.close().await.unwrap();
     if let Location::File(_) = &place.location {
