@@ -31,8 +31,13 @@ CREATE TABLE project_rounds (
     project  INTEGER NOT NULL REFERENCES projects (id),
     round    INTEGER NOT NULL,
     turn     INTEGER NOT NULL,
+    -- The number of its last claim: higher than those of earlier claims of the priority.
+    served   INTEGER NOT NULL,
     PRIMARY KEY (priority, project)
 ) STRICT, WITHOUT ROWID;
+
+-- The same of each owner.
+ALTER TABLE fair_share ADD COLUMN served INTEGER NOT NULL DEFAULT 0;
 
 -- Threads of the run, as its result states them; null without a result.
 ALTER TABLE attempts ADD COLUMN threads INTEGER CHECK (threads >= 1);

@@ -24,8 +24,11 @@ CREATE TABLE project_rounds (
     project  BIGINT NOT NULL REFERENCES projects (id),
     round    BIGINT NOT NULL,
     turn     BIGINT NOT NULL,
+    served   BIGINT NOT NULL,
     PRIMARY KEY (priority, project)
 );
+
+ALTER TABLE fair_share ADD COLUMN served BIGINT NOT NULL DEFAULT 0;
 
 ALTER TABLE attempts ADD COLUMN threads BIGINT CHECK (threads >= 1);
 

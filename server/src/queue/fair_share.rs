@@ -8,11 +8,15 @@
 //!    when they are submitted, and a single job gets the position reached. Jobs of equal position come by age.
 //!
 //! Rounds count upwards in each priority, and the earlier round is next. The turns of a round are spread evenly: of shares 3 and 1,
-//! the order is A, B, A, A or B, A, A, A, by the age of the first jobs. A project that returns starts in the current round: it does not
-//! wait behind the others, and gets no compensation for its absence.
+//! the order is A, B, A, A or B, A, A, A. A project that returns starts in the current round: it does not wait behind the others, and
+//! gets no compensation for its absence.
 //!
-//! The owners of a project alternate in rounds of their own, in which each has one job. A job that is claimed again, after a retry or
-//! a lost lease, takes a turn again.
+//! Of several projects with equal turns, the one whose last claim is the longest ago is next, then the oldest job. Some workers can run
+//! the jobs of few projects only, while the claims of other workers advance the round. All projects that are behind then have equal
+//! turns: by the age of jobs alone, one of them could get each claim.
+//!
+//! The owners of a project alternate in rounds of their own, in which each has one job, by the same rules. A job that is claimed again,
+//! after a retry or a lost lease, takes a turn again.
 
 use std::collections::{HashMap, HashSet};
 
@@ -89,6 +93,8 @@ pub(crate) struct ScheduledJob {
     pub turn: Turn,
     /// The round between the owners of its project that it takes.
     pub round: i64,
+    /// The number of its claim: later claims of a priority have higher numbers.
+    pub served: i64,
 }
 
 /// The jobs that claims of one batch have got, and the fills that their attempts compute.
@@ -115,21 +121,39 @@ pub(crate) struct Rounds {
     /// The last round of each owner, and the newest one of a project.
     owners: HashMap<(i32, Owner), i64>,
     current_of_project: HashMap<(i32, i64), i64>,
+    /// The number of the last claim of each project and owner, and the highest one of a priority. Numbers start at 1.
+    served_projects: HashMap<(i32, i64), i64>,
+    served_owners: HashMap<(i32, Owner), i64>,
+    served: HashMap<i32, i64>,
 }
 
 impl Rounds {
-    /// Records the last turn of a project.
-    pub(crate) fn record_project(&mut self, priority: i32, project: i64, turn: Turn) {
+    /// Records the last turn of a project, and the number of its last claim.
+    pub(crate) fn record_project(&mut self, priority: i32, project: i64, turn: Turn, served: i64) {
         let last = self.projects.entry((priority, project)).or_insert(turn);
         if (turn.round, turn.number) > (last.round, last.number) {
             *last = turn;
         }
         let newest = self.current.entry(priority).or_insert(turn.round);
         *newest = turn.round.max(*newest);
+        for number in [
+            self.served_projects.entry((priority, project)).or_default(),
+            self.served.entry(priority).or_default(),
+        ] {
+            *number = served.max(*number);
+        }
     }
 
-    /// Records the last round of an owner within its project.
-    pub(crate) fn record_owner(&mut self, priority: i32, (project, owner): (i64, Owner), round: i64) {
+    /// Records the last round of an owner within its project, and the number of its last claim.
+    pub(crate) fn record_owner(
+        &mut self,
+        priority: i32,
+        (project, owner): (i64, Owner),
+        round: i64,
+        served: i64,
+    ) {
+        let number = self.served_owners.entry((priority, owner)).or_default();
+        *number = served.max(*number);
         let last = self.owners.entry((priority, owner)).or_insert(round);
         *last = round.max(*last);
         let newest = self.current_of_project.entry((priority, project)).or_insert(round);
@@ -139,8 +163,8 @@ impl Rounds {
     /// Records a claimed job.
     pub(crate) fn record(&mut self, claimed: &ScheduledJob) {
         let (priority, project) = (claimed.priority, claimed.project.id);
-        self.record_project(priority, project, claimed.turn);
-        self.record_owner(priority, (project, claimed.owner), claimed.round);
+        self.record_project(priority, project, claimed.turn, claimed.served);
+        self.record_owner(priority, (project, claimed.owner), claimed.round, claimed.served);
     }
 
     /// The next turn of a project at a priority.
@@ -200,11 +224,13 @@ impl Rounds {
             };
             let ranked = lanes.iter_mut().filter_map(|lane| {
                 let (place, seq) = lane.first(is_taken)?;
-                let rank = (-i64::from(lane.priority), lane.turn.place(lane.project.share), seq);
+                let rank = (-i64::from(lane.priority), lane.turn.place(lane.project.share), lane.served, seq);
                 Some((rank, lane, place))
             });
             let Some((_, lane, place)) = ranked.min_by_key(|(rank, ..)| *rank) else { break };
-            let Some(next) = lane.take(place) else { break };
+            let before = self.served.get(&lane.priority).copied().unwrap_or(0);
+            let served = before.saturating_add_unsigned(scheduled.len() as u64 + 1);
+            let Some(next) = lane.take(place, served) else { break };
             scheduled.push(next);
             fills.extend(next.job.fill);
         }
@@ -218,13 +244,15 @@ impl Rounds {
             let OwnerQueue { priority, project, owner, .. } = *queue;
             let place = *places.entry((priority, project.id)).or_insert_with(|| {
                 let turn = self.next_turn(priority, project);
-                lanes.push(Lane { priority, project, turn, heads: Vec::new() });
+                let served = self.served_projects.get(&(priority, project.id)).copied().unwrap_or(0);
+                lanes.push(Lane { priority, project, turn, served, heads: Vec::new() });
                 lanes.len() - 1
             });
             lanes[place].heads.push(Head {
                 queue,
                 next: 0,
                 round: self.next_round(priority, project.id, owner),
+                served: self.served_owners.get(&(priority, owner)).copied().unwrap_or(0),
             });
         }
         lanes
@@ -236,6 +264,8 @@ struct Lane<'q> {
     priority: i32,
     project: Project,
     turn: Turn,
+    /// The number of its last claim; 0 without one.
+    served: i64,
     heads: Vec<Head<'q>>,
 }
 
@@ -244,19 +274,19 @@ impl Lane<'_> {
     fn first(&mut self, is_taken: impl Fn(EligibleJob) -> bool) -> Option<(usize, i64)> {
         let free = self.heads.iter_mut().enumerate().filter_map(|(place, head)| {
             head.pass(&is_taken);
-            Some((head.round, head.job()?.seq, place))
+            Some((head.round, head.served, head.job()?.seq, place))
         });
-        free.min().map(|(_, seq, place)| (place, seq))
+        free.min().map(|(.., seq, place)| (place, seq))
     }
 
-    /// Takes the next job of a head.
-    fn take(&mut self, place: usize) -> Option<ScheduledJob> {
+    /// Takes the next job of a head for the claim of this number.
+    fn take(&mut self, place: usize, served: i64) -> Option<ScheduledJob> {
         let head = self.heads.get_mut(place)?;
         let (job, owner, round) = (head.job()?, head.queue.owner, head.round);
-        (head.next, head.round) = (head.next + 1, head.round + 1);
+        (head.next, head.round, head.served) = (head.next + 1, head.round + 1, served);
         let Self { priority, project, turn, .. } = *self;
-        self.turn = turn.later(1, project.share);
-        Some(ScheduledJob { job, priority, project, owner, turn, round })
+        (self.turn, self.served) = (turn.later(1, project.share), served);
+        Some(ScheduledJob { job, priority, project, owner, turn, round, served })
     }
 }
 
@@ -265,6 +295,8 @@ struct Head<'q> {
     queue: &'q OwnerQueue,
     next: usize,
     round: i64,
+    /// The number of the last claim of the owner; 0 without one.
+    served: i64,
 }
 
 impl Head<'_> {

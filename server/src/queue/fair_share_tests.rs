@@ -107,7 +107,7 @@ fn projects_alternate_whatever_the_number_of_their_owners() {
 fn a_project_has_as_many_turns_in_a_round_as_its_share() {
     let (double, single) = (Project { id: 1, share: 2 }, Project { id: 2, share: 1 });
     let queues = [of_project(double, 1, 0..100), of_project(single, 2, 100..200)];
-    let expected = [1, 2, 1, 1, 2, 1, 1, 2, 1, 1, 2, 1];
+    let expected = [1, 2, 1, 2, 1, 1, 2, 1, 1, 2, 1, 1];
     for claims in [&[12][..], &[1; 12], &[5, 4, 3]] {
         assert_eq!(projects(&queues, claims), expected, "{claims:?}");
     }
@@ -117,7 +117,7 @@ fn a_project_has_as_many_turns_in_a_round_as_its_share() {
 fn the_turns_of_a_large_share_leave_none_waiting_for_a_whole_round() {
     let [large, small] = [(1, 6), (2, 3)].map(|(id, share)| Project { id, share });
     let queues = [of_project(large, 1, 0..100), of_project(small, 2, 100..200)];
-    assert_eq!(projects(&queues, &[9]), [1, 2, 1, 1, 2, 1, 1, 2, 1]);
+    assert_eq!(projects(&queues, &[9]), [1, 2, 1, 2, 1, 1, 2, 1, 1]);
 }
 
 #[test]
@@ -138,7 +138,7 @@ fn jobs_before_a_job_are_those_that_claims_take_first() {
     let mut rounds = Rounds::default();
     // The third owner is two rounds behind the others.
     for (owner, round) in [(1, 7), (2, 7), (3, 5)] {
-        rounds.record_owner(0, (0, owner), round);
+        rounds.record_owner(0, (0, owner), round, 0);
     }
     let queues = [owner_queue(0, 1, 0..40), owner_queue(0, 2, 100..110), owner_queue(0, 3, 200..203)];
     for (queue, own) in [(0, 0), (0, 5), (0, 39), (1, 9), (2, 2)] {
@@ -300,5 +300,83 @@ fn projects_that_come_and_go_get_at_most_their_shares() {
         // A round more at most.
         let allowed = (first_got / first.share + 2) * rare.share;
         assert!(rare_got <= allowed, "seed {seed}: {rare_got} of {rare:?}, {first_got} of {first:?}");
+    }
+}
+
+/// Claims of two classes of workers: one sees the first two queues, the other one the third queue, and claims in bursts. Returns the
+/// claims of the first class: the places of their queues.
+fn with_two_classes(seed: u64, queues: &[OwnerQueue; 3], warm_up: usize) -> Vec<usize> {
+    let mut random = fastrand::Rng::with_seed(seed);
+    let (mut rounds, mut taken, mut order) = (Rounds::default(), Taken::default(), Vec::new());
+    claimed(&mut rounds, &mut taken, &queues[..1], &vec![1; warm_up]);
+    for _ in 0..100 {
+        let bursts = vec![1; random.usize(0..6)];
+        claimed(&mut rounds, &mut taken, &queues[2..], &bursts);
+        for next in claimed(&mut rounds, &mut taken, &queues[..2], &[random.usize(1..4)]) {
+            order.push(usize::from(next.job.seq >= 1000));
+        }
+    }
+    order
+}
+
+/// Queues of many jobs, of which those of the first are the oldest.
+fn long_queues(queue: impl Fn(i64, Range<i64>) -> OwnerQueue) -> [OwnerQueue; 3] {
+    [queue(0, 0..1000), queue(1, 1000..2000), queue(2, 2000..3000)]
+}
+
+/// The largest difference of claims at any time between two queues.
+fn lead(order: &[usize]) -> u64 {
+    let mut counts = [0_u64; 2];
+    let leads = order.iter().map(|place| {
+        counts[*place] += 1;
+        counts[0].abs_diff(counts[1])
+    });
+    leads.max().unwrap()
+}
+
+/// While other workers advance the round, two projects with equal shares that wait for the same workers get equal parts.
+#[test]
+fn projects_that_wait_for_the_same_workers_alternate_whatever_other_workers_claim() {
+    for seed in 0..200 {
+        let mut random = fastrand::Rng::with_seed(seed);
+        let (share, other) = (random.u32(1..6), random.u32(1..6));
+        let queues = long_queues(|id, jobs| {
+            of_project(Project { id, share: if id < 2 { share } else { other } }, id, jobs)
+        });
+        let of_seed = lead(&with_two_classes(seed, &queues, 0));
+        assert!(of_seed <= 1, "seed {seed}, shares {share} and {other}: one is {of_seed} ahead");
+        // The rest of a round at most for the project that was absent.
+        let of_seed = lead(&with_two_classes(seed, &queues, 50));
+        let allowed = u64::from(share) + 1;
+        assert!(of_seed <= allowed, "seed {seed}, shares {share} and {other}: one is {of_seed} ahead");
+    }
+}
+
+/// The same for owners of one project.
+#[test]
+fn owners_that_wait_for_the_same_workers_alternate_whatever_other_workers_claim() {
+    for seed in 0..200 {
+        let of_seed =
+            lead(&with_two_classes(seed, &long_queues(|owner, jobs| owner_queue(0, owner, jobs)), 0));
+        assert!(of_seed <= 1, "seed {seed}: one is {of_seed} ahead");
+    }
+}
+
+/// With unequal shares, the part of the larger one may be smaller than its share, but none waits longer than its share allows.
+#[test]
+fn projects_with_unequal_shares_do_not_starve_beside_other_workers() {
+    for seed in 0..200 {
+        let mut random = fastrand::Rng::with_seed(seed);
+        let shares = [(); 3].map(|()| random.u32(1..9));
+        let queues = long_queues(|id, jobs| of_project(Project { id, share: shares[id as usize] }, id, jobs));
+        let order = with_two_classes(seed, &queues, 0);
+        for place in 0..2 {
+            let allowed = shares[1 - place].div_ceil(shares[place]) + 2;
+            let mut others = 0;
+            for next in &order {
+                others = if *next == place { 0 } else { others + 1 };
+                assert!(others <= allowed, "seed {seed}, {shares:?}: {others} claims without one of {place}");
+            }
+        }
     }
 }

@@ -82,19 +82,21 @@ pub(super) const TAKE: &str = concat!(
     usable_checkpoint!("c.simulated_s"),
     "
     FROM json_each(?) AS took CROSS JOIN jobs ON jobs.seq = CAST(took.value ->> 'seq' AS BIGINT);
-    INSERT INTO fair_share (priority, owner, queue_position, round)
-    SELECT j.priority, j.owner, max(j.queue_position), max(CAST(took.value ->> 'round' AS BIGINT))
+    INSERT INTO fair_share (priority, owner, queue_position, round, served)
+    SELECT j.priority, j.owner, max(j.queue_position), max(CAST(took.value ->> 'round' AS BIGINT)),
+           max(CAST(took.value ->> 'served' AS BIGINT))
     FROM json_each(?) AS took CROSS JOIN jobs j ON j.seq = CAST(took.value ->> 'seq' AS BIGINT)
     GROUP BY j.priority, j.owner
     ON CONFLICT (priority, owner) DO UPDATE SET
         queue_position = CASE WHEN excluded.queue_position > fair_share.queue_position
             THEN excluded.queue_position ELSE fair_share.queue_position END,
-        round = CASE WHEN excluded.round > fair_share.round THEN excluded.round ELSE fair_share.round END;
-    INSERT INTO project_rounds (priority, project, round, turn)
+        round = CASE WHEN excluded.round > fair_share.round THEN excluded.round ELSE fair_share.round END,
+        served = excluded.served;
+    INSERT INTO project_rounds (priority, project, round, turn, served)
     SELECT CAST(took.value ->> 'priority' AS BIGINT), CAST(took.value ->> 'project' AS BIGINT), CAST(took.value ->> 'round' AS BIGINT),
-           CAST(took.value ->> 'turn' AS BIGINT)
+           CAST(took.value ->> 'turn' AS BIGINT), CAST(took.value ->> 'served' AS BIGINT)
     FROM json_each(?) AS took WHERE true
-    ON CONFLICT (priority, project) DO UPDATE SET round = excluded.round, turn = excluded.turn"
+    ON CONFLICT (priority, project) DO UPDATE SET round = excluded.round, turn = excluded.turn, served = excluded.served"
 );
 
 /// Makes new attempts the ones that compute the fills of their jobs, where no attempt has stored or withdrawn them.
@@ -332,7 +334,7 @@ async fn start_attempts(
         let (claim, now) = &claims[*place];
         let until = lease_end(now.lease, claim.lease).0;
         taken.extend(allocation.jobs.iter().map(|next| {
-            json!({"seq": next.job.seq, "round": next.round, "worker": claim.worker, "request": claim.request_id,
+            json!({"seq": next.job.seq, "round": next.round, "served": next.served, "worker": claim.worker, "request": claim.request_id,
                    "at": now.wall.0, "until": until, "computes": u8::from(next.job.fill.is_some())})
         }));
     }
@@ -357,9 +359,9 @@ async fn start_attempts(
 fn last_turns(allocations: &[(usize, Allocation)]) -> Vec<Value> {
     let mut last = BTreeMap::new();
     for next in allocations.iter().flat_map(|(_, allocation)| &allocation.jobs) {
-        last.insert((next.priority, next.project.id), next.turn);
+        last.insert((next.priority, next.project.id), (next.turn, next.served));
     }
-    let turn = |((priority, project), turn): (&(i32, i64), &Turn)| json!({"priority": priority, "project": project, "round": turn.round, "turn": turn.number});
+    let turn = |((priority, project), (turn, served)): (&(i32, i64), &(Turn, i64))| json!({"priority": priority, "project": project, "round": turn.round, "turn": turn.number, "served": served});
     last.iter().map(turn).collect()
 }
 

@@ -236,9 +236,9 @@ pub(super) fn eligible_jobs(engine: Engine) -> &'static str {
 
 /// The rounds of the owners and of the projects of some priorities. A row without an owner is a project's.
 pub(super) const ROUNDS: &str = "
-    SELECT f.priority, o.project, f.owner, f.round, 0 AS turn FROM fair_share f CROSS JOIN owners o ON o.id = f.owner
+    SELECT f.priority, o.project, f.owner, f.round, 0 AS turn, f.served FROM fair_share f CROSS JOIN owners o ON o.id = f.owner
     WHERE f.priority IN (SELECT CAST(atom AS BIGINT) FROM json_each(?1))
-    UNION ALL SELECT priority, project, NULL, round, turn FROM project_rounds
+    UNION ALL SELECT priority, project, NULL, round, turn, served FROM project_rounds
     WHERE priority IN (SELECT CAST(atom AS BIGINT) FROM json_each(?1))";
 
 /// The rounds in rows of [`ROUNDS`].
@@ -248,8 +248,11 @@ pub(super) fn rounds_of(rows: &[Row]) -> Result<Rounds, StoreError> {
         let (priority, project, round) =
             (row.column("priority")?, row.column("project")?, row.column("round")?);
         match row.column::<Option<i64>>("owner")? {
-            Some(owner) => rounds.record_owner(priority, (project, owner), round),
-            None => rounds.record_project(priority, project, Turn { round, number: row.number("turn")? }),
+            Some(owner) => rounds.record_owner(priority, (project, owner), round, row.column("served")?),
+            None => {
+                let turn = Turn { round, number: row.number("turn")? };
+                rounds.record_project(priority, project, turn, row.column("served")?);
+            }
         }
     }
     Ok(rounds)

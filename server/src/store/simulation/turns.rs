@@ -20,6 +20,10 @@ fn project(owner: &str) -> i64 {
 pub(super) struct Served {
     projects: BTreeMap<i64, u32>,
     owners: BTreeMap<i64, BTreeSet<&'static str>>,
+    /// All jobs up to now, and this number at the last one of each project and owner.
+    jobs: u64,
+    last_of_projects: BTreeMap<i64, u64>,
+    last_of_owners: BTreeMap<&'static str, u64>,
 }
 
 impl Served {
@@ -27,6 +31,9 @@ impl Served {
     /// the next round of the owners of this project.
     pub(super) fn serve(&mut self, owner: &'static str) {
         let project = project(owner);
+        self.jobs += 1;
+        self.last_of_projects.insert(project, self.jobs);
+        self.last_of_owners.insert(owner, self.jobs);
         if self.is_full(project) {
             self.projects.clear();
         }
@@ -46,13 +53,14 @@ impl Served {
     }
 
     /// The place of the next of these jobs, of which each owner has one: of the project that has had the smallest part of its share,
-    /// first of an owner without a job in the round of the project, then the oldest.
+    /// first of an owner without a job in the round of the project. Of several such projects or owners, the one whose last job is the
+    /// longest ago comes first, then the oldest job.
     pub(super) fn next(&self, firsts: &BTreeMap<&'static str, usize>, jobs: &[Waiting]) -> usize {
-        let mut of_projects: BTreeMap<i64, (bool, i64, usize)> = BTreeMap::new();
+        let mut of_projects: BTreeMap<i64, _> = BTreeMap::new();
         for (owner, place) in firsts {
             let project = project(owner);
             let is_served = self.owners.get(&project).is_some_and(|owners| owners.contains(owner));
-            let rank = (is_served, jobs[*place].seq, *place);
+            let rank = (is_served, self.last_of_owners.get(owner), jobs[*place].seq, *place);
             let best = of_projects.entry(project).or_insert(rank);
             *best = rank.min(*best);
         }
@@ -60,7 +68,9 @@ impl Served {
             let is_full = self.is_full(project);
             (is_full, if is_full { 0 } else { 60 * self.had(project) / SHARES[project as usize] })
         };
-        let ranked = of_projects.iter().map(|(project, (_, seq, place))| (part(*project), *seq, *place));
-        ranked.min().expect("one of that priority").2
+        let ranked = of_projects.iter().map(|(project, (.., seq, place))| {
+            (part(*project), self.last_of_projects.get(project), *seq, *place)
+        });
+        ranked.min().expect("one of that priority").3
     }
 }
