@@ -39,19 +39,23 @@ CREATE TABLE project_rounds (
 -- The same of each owner.
 ALTER TABLE fair_share ADD COLUMN served INTEGER NOT NULL DEFAULT 0;
 
--- Threads of the run, as its result states them; null without a result.
-ALTER TABLE attempts ADD COLUMN threads INTEGER CHECK (threads >= 1);
+-- Jobs that a worker can run at the same time, as its claims say; null before the first one.
+ALTER TABLE workers ADD COLUMN slots INTEGER CHECK (slots >= 1);
 
+-- Processor time in milliseconds that an ended attempt counts. Attempts that ended before this version have none, except lost ones:
+-- a late heartbeat may still show that one was never lost.
+ALTER TABLE attempts ADD COLUMN core_ms INTEGER CHECK (core_ms >= 0);
+UPDATE attempts SET core_ms = max(ended_at - claimed_at, 0) WHERE outcome = 'lost';
+
+-- One thread of each earlier attempt.
 UPDATE projects SET used_core_ms = (
     SELECT coalesce(sum(CASE WHEN ended_at > claimed_at THEN ended_at - claimed_at ELSE 0 END), 0) FROM attempts)
 WHERE id = 0;
 
 -- An attempt counts when it ends, and no longer if a late heartbeat shows that it was never lost.
-CREATE TRIGGER attempts_counted AFTER UPDATE OF ended_at ON attempts
-WHEN (NEW.ended_at, NEW.threads) IS NOT (OLD.ended_at, OLD.threads)
+CREATE TRIGGER attempts_counted AFTER UPDATE OF core_ms ON attempts
+WHEN NEW.core_ms IS NOT OLD.core_ms
 BEGIN
-    UPDATE projects SET used_core_ms = used_core_ms
-        + CASE WHEN NEW.ended_at > NEW.claimed_at THEN (NEW.ended_at - NEW.claimed_at) * coalesce(NEW.threads, 1) ELSE 0 END
-        - CASE WHEN OLD.ended_at > OLD.claimed_at THEN (OLD.ended_at - OLD.claimed_at) * coalesce(OLD.threads, 1) ELSE 0 END
+    UPDATE projects SET used_core_ms = used_core_ms + coalesce(NEW.core_ms, 0) - coalesce(OLD.core_ms, 0)
     WHERE id = (SELECT o.project FROM jobs j JOIN owners o ON o.id = j.owner WHERE j.id = NEW.job_id);
 END;

@@ -30,26 +30,23 @@ CREATE TABLE project_rounds (
 
 ALTER TABLE fair_share ADD COLUMN served BIGINT NOT NULL DEFAULT 0;
 
-ALTER TABLE attempts ADD COLUMN threads BIGINT CHECK (threads >= 1);
+ALTER TABLE workers ADD COLUMN slots BIGINT CHECK (slots >= 1);
 
-CREATE FUNCTION core_ms(claimed_at BIGINT, ended_at BIGINT, threads BIGINT) RETURNS BIGINT
-LANGUAGE sql IMMUTABLE PARALLEL SAFE AS $$
-    SELECT CASE WHEN ended_at > claimed_at THEN (ended_at - claimed_at) * coalesce(threads, 1) ELSE 0 END
-$$;
+ALTER TABLE attempts ADD COLUMN core_ms BIGINT CHECK (core_ms >= 0);
+UPDATE attempts SET core_ms = greatest(ended_at - claimed_at, 0) WHERE outcome = 'lost';
 
-UPDATE projects SET used_core_ms = (SELECT coalesce(sum(core_ms(claimed_at, ended_at, threads)), 0) FROM attempts) WHERE id = 0;
+UPDATE projects SET used_core_ms = (SELECT coalesce(sum(greatest(ended_at - claimed_at, 0)), 0) FROM attempts) WHERE id = 0;
 
 -- Once for all rows of a statement, since batches end many attempts.
 CREATE FUNCTION attempts_counted() RETURNS trigger LANGUAGE plpgsql AS $$
 BEGIN
     UPDATE projects SET used_core_ms = projects.used_core_ms + change.core_ms
     FROM (
-        SELECT o.project, sum(core_ms(changed.claimed_at, changed.ended_at, changed.threads)
-                              - core_ms(before.claimed_at, before.ended_at, before.threads)) AS core_ms
+        SELECT o.project, sum(coalesce(changed.core_ms, 0) - coalesce(before.core_ms, 0)) AS core_ms
         FROM new_rows AS changed
         JOIN old_rows AS before ON before.job_id = changed.job_id AND before.number = changed.number
         JOIN jobs j ON j.id = changed.job_id JOIN owners o ON o.id = j.owner
-        WHERE (changed.ended_at, changed.threads) IS DISTINCT FROM (before.ended_at, before.threads)
+        WHERE changed.core_ms IS DISTINCT FROM before.core_ms
         GROUP BY o.project
     ) AS change
     WHERE projects.id = change.project;

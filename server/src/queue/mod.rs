@@ -11,10 +11,12 @@
 //! | `retry` | whether and when a job is tried again |
 //! | `fair_share` | the order of the queue |
 //! | `allocation` | the jobs of each claim |
+//! | `charge` | what an ended attempt counts in the budget of its project |
 //! | `control` | the effect of a cancel or a retry by a user |
 //! | `waiting` | why a queued job waits |
 
 mod allocation;
+mod charge;
 mod control;
 mod ending;
 mod fair_share;
@@ -34,6 +36,7 @@ use roost_api::job::{AttemptOutcome, FailureClass, JobState};
 use roost_api::time::Timestamp;
 
 pub(crate) use allocation::{Allocation, Demand, WorkerLoad, allocate};
+pub(crate) use charge::{Attempt as ChargedAttempt, Stated, core_ms};
 pub(crate) use control::{CancelEffect, on_cancel, on_retry};
 pub(crate) use ending::{Verdict, on_failure, on_result, recorded_outcome};
 pub(crate) use fair_share::{EligibleJob, Owner, OwnerQueue, Project, Rounds, Turn};

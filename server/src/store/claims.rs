@@ -133,12 +133,16 @@ pub(super) const REPEAT: &str = concat!(
 pub(super) const ARRIVE: &str = "
     UPDATE workers SET last_seen_at = CAST(request.value ->> 'at' AS BIGINT)
     FROM json_each(?) AS request WHERE workers.id = request.value ->> 'worker';
-    SELECT CAST(request.key AS BIGINT) AS place, me.solver_revision, me.backend, me.device, me.memory_mib, me.draining,
+    SELECT CAST(request.key AS BIGINT) AS place, me.solver_revision, me.backend, me.device, me.memory_mib, me.draining, me.slots,
         EXISTS (SELECT 1 FROM attempts WHERE request_id = request.value ->> 'request' AND worker_id = me.id) AS repeated,
         EXISTS (SELECT 1 FROM attempts WHERE worker_id = me.id AND outcome = 'worker') AS has_failed,
         (SELECT count(*) FROM jobs WHERE worker_id = me.id AND state = 'running') AS jobs,
         (SELECT coalesce(max(alone), 0) FROM jobs WHERE worker_id = me.id AND state = 'running') AS alone
     FROM json_each(?) AS request CROSS JOIN workers me ON me.id = request.value ->> 'worker'";
+
+/// Records how many jobs workers can run at the same time.
+const RECORD_SLOTS: &str = "UPDATE workers SET slots = CAST(found.value ->> 'slots' AS BIGINT)
+    FROM json_each(?) AS found WHERE workers.id = found.value ->> 'worker'";
 
 /// A worker asks for work.
 #[derive(Clone, Copy, Debug)]
@@ -256,6 +260,7 @@ async fn claim_wave(
     let rows = query(ARRIVE).bind(&arriving).bind(&arriving).fetch_all(&mut *tx).await?;
     let mut answers: Vec<_> = claims.iter().map(|_| Err(Refusal::NoWorker)).collect();
     let (mut classes, mut demands) = (Vec::<(WorkerClass, TimedClaim)>::new(), Vec::new());
+    let mut slots_found = Vec::new();
     for row in &rows {
         let place = row.number::<u32>("place")? as usize;
         let Some(timed @ (claim, now)) = claims.get(place).copied() else { continue };
@@ -281,8 +286,15 @@ async fn claim_wave(
                 classes.push((class, timed));
             }
             let load = WorkerLoad { jobs: row.number("jobs")?, alone: row.column("alone")? };
+            let slots = i64::from(load.jobs) + i64::from(claim.max_jobs);
+            if row.column::<Option<i64>>("slots")?.unwrap_or(0) < slots {
+                slots_found.push(json!({"worker": claim.worker, "slots": slots}));
+            }
             demands.push((place, Demand { list, load, max_jobs: claim.max_jobs as usize }));
         }
+    }
+    if !slots_found.is_empty() {
+        query(RECORD_SLOTS).bind(to_json("slots", &slots_found)?).execute(&mut *tx).await?;
     }
     let loads: HashMap<usize, u32> =
         demands.iter().map(|(place, demand)| (*place, demand.load.jobs)).collect();

@@ -18,7 +18,7 @@ use super::writer::Writer;
 use super::{Store, StoreError};
 use crate::clock::Now;
 use crate::queue::{
-    JobChange, Provenance, Refusal, RetryPolicy, Verdict, on_failure, on_result, recorded_outcome,
+    JobChange, Provenance, Refusal, RetryPolicy, Stated, Verdict, on_failure, on_result, recorded_outcome,
 };
 
 /// A result as text with its digest. Long results take a while to encode, so that it happens before any transaction.
@@ -27,7 +27,7 @@ pub(crate) struct EncodedResult {
     responses: String,
     digest: String,
     body: String,
-    threads: u32,
+    pub(super) stated: Stated,
 }
 
 /// Maximum number of threads that count for a run: more than any machine has.
@@ -47,7 +47,10 @@ impl EncodedResult {
             responses: to_json("responses", &result.responses)?,
             digest: blake3::hash(body.as_bytes()).to_hex().to_string(),
             body,
-            threads: result.solver.threads.clamp(1, MAX_THREADS) as u32,
+            stated: Stated {
+                threads: result.solver.threads.clamp(1, MAX_THREADS) as u32,
+                wall_ms: (result.performance.wall_s * 1000.0).ceil() as i64,
+            },
         })
     }
 }
@@ -57,8 +60,9 @@ impl EncodedResult {
     /// A result of that provenance for tests.
     pub(super) fn sample(provenance: Provenance, digest: &str) -> Self {
         let (responses, body) = ("{}".to_owned(), "{}".to_owned());
-        // More than one, so that tests see what is counted.
-        Self { provenance, responses, digest: digest.to_owned(), body, threads: 3 }
+        // More than one thread, so that tests see what is counted.
+        let stated = Stated { threads: 3, wall_ms: i64::MAX };
+        Self { provenance, responses, digest: digest.to_owned(), body, stated }
     }
 }
 
@@ -148,7 +152,7 @@ impl Store {
                     {
                         return Ok(Err(refusal));
                     }
-                    let threads = partial.as_ref().map(|partial| partial.threads);
+                    let stated = partial.as_ref().map(|partial| partial.stated);
                     let document = match partial {
                         Some(partial) => {
                             insert_document(tx, &partial.digest, partial.body).await?;
@@ -159,17 +163,8 @@ impl Store {
                     let outcome = recorded_outcome(outcome, has_checkpoint(tx, job, attempt).await?);
                     let (message, partial, at) = (Some(message.as_str()), document.as_deref(), now.wall);
                     let filled_by = None;
-                    let ending = AttemptEnd {
-                        job,
-                        attempt,
-                        outcome,
-                        change,
-                        message,
-                        partial,
-                        filled_by,
-                        threads,
-                        at,
-                    };
+                    let ending =
+                        AttemptEnd { job, attempt, outcome, change, message, partial, filled_by, stated, at };
                     end_attempts(tx, &[ending]).await?;
                     Ok(Ok(verdict))
                 })
@@ -239,8 +234,8 @@ async fn record(tx: &mut Connection, accepted: &[(&Delivered, JobChange)]) -> Re
         }));
         bodies.extend_from_slice(result.body.as_bytes());
         let outcome = AttemptOutcome::Succeeded;
-        let (message, partial, filled_by, threads) = (None, None, *filled_by, Some(result.threads));
-        endings.push(AttemptEnd { job, attempt, outcome, change, message, partial, filled_by, threads, at });
+        let (message, partial, filled_by, stated) = (None, None, *filled_by, Some(result.stated));
+        endings.push(AttemptEnd { job, attempt, outcome, change, message, partial, filled_by, stated, at });
     }
     let rows = to_json("results", &rows)?;
     let sql = match tx.engine() {

@@ -167,8 +167,8 @@ async fn end_all(
     let mut endings = Vec::new();
     for (job, change) in &decided {
         let (job, attempt, message, at) = (job.id, job.attempt, Some(message), now.wall);
-        let (partial, filled_by, threads) = (None, None, None);
-        endings.push(AttemptEnd { job, attempt, outcome, change, message, partial, filled_by, threads, at });
+        let (partial, filled_by, stated) = (None, None, None);
+        endings.push(AttemptEnd { job, attempt, outcome, change, message, partial, filled_by, stated, at });
     }
     end_attempts(tx, &endings).await?;
     Ok(decided.into_iter().map(|(job, change)| (job.id, change)).collect())

@@ -100,7 +100,7 @@ pub(super) const RENEW: &str = "
     UPDATE jobs SET alone = CASE state WHEN 'queued' THEN 0 ELSE alone END, state = 'running', not_before = NULL,
                     worker_id = beat.value ->> 'worker', lease_expires_at = CAST(beat.value ->> 'until' AS BIGINT)
     FROM json_each(?) AS beat WHERE jobs.id = beat.value ->> 'job';
-    UPDATE attempts SET outcome = NULL, message = NULL, ended_at = NULL
+    UPDATE attempts SET outcome = NULL, message = NULL, ended_at = NULL, core_ms = NULL
     FROM json_each(?) AS beat
     WHERE attempts.job_id = beat.value ->> 'job' AND attempts.number = CAST(beat.value ->> 'attempt' AS BIGINT)
       AND attempts.outcome IS NOT NULL";

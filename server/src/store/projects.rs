@@ -1,6 +1,6 @@
 //! Projects: their shares, budgets and use. `roost project` writes them, with or without a running server.
 //!
-//! A trigger counts each attempt when it ends, as wall time times threads, so that no claim sums over attempts.
+//! A trigger counts each attempt when it ends, as `queue` decides, so that no claim sums over attempts.
 
 use std::collections::HashMap;
 

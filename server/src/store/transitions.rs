@@ -8,7 +8,10 @@ use serde_json::{Value, json};
 use super::StoreError;
 use super::columns::{Columns, to_json};
 use super::database::{AssertSqlSafe, Connection, Row, query};
-use crate::queue::{AttemptSnapshot, FenceState, JobChange, JobSnapshot, Provenance, Refusal, fence};
+use crate::queue::{
+    AttemptSnapshot, ChargedAttempt, FenceState, JobChange, JobSnapshot, Provenance, Refusal, Stated,
+    core_ms, fence,
+};
 
 /// The columns of a [`JobSnapshot`]. The counts read only the few attempts of one job.
 pub(super) const JOB_COLUMNS: &str = "j.id, j.state, j.cancelling, j.paused, j.attempt, j.failure_class,
@@ -111,13 +114,13 @@ pub(super) struct AttemptEnd<'a> {
     pub(super) partial: Option<&'a str>,
     /// Where its filled state came from.
     pub(super) filled_by: Option<FilledBy>,
-    /// Threads of the run, by its result.
-    pub(super) threads: Option<u32>,
+    /// Threads and wall time of the run, by its result.
+    pub(super) stated: Option<Stated>,
     pub(super) at: Timestamp,
 }
 
 impl AttemptEnd<'_> {
-    fn to_value(&self) -> Value {
+    fn to_value(&self, core_ms: Option<i64>) -> Value {
         let (state, class) = match self.change {
             JobChange::Requeue { .. } => (JobState::Queued, None),
             JobChange::Succeed => (JobState::Succeeded, None),
@@ -130,7 +133,7 @@ impl AttemptEnd<'_> {
         };
         json!({
             "job": self.job, "attempt": self.attempt, "outcome": self.outcome.as_str(), "message": self.message,
-            "partial": self.partial, "filled_by": self.filled_by.map(FilledBy::as_str), "threads": self.threads, "at": self.at.0, "state": state.as_str(), "not_before": not_before,
+            "partial": self.partial, "filled_by": self.filled_by.map(FilledBy::as_str), "core_ms": core_ms, "at": self.at.0, "state": state.as_str(), "not_before": not_before,
             "alone": u8::from(alone), "class": class.map(|class| class.as_str()),
             "why": class.and(self.message), "ended_at": state.is_ended().then_some(self.at.0),
         })
@@ -142,16 +145,45 @@ pub(super) async fn end_attempts(tx: &mut Connection, endings: &[AttemptEnd<'_>]
     if endings.is_empty() {
         return Ok(());
     }
-    let endings: Vec<_> = endings.iter().map(AttemptEnd::to_value).collect();
+    let counted = counted(tx, endings).await?;
+    let endings: Vec<_> =
+        endings.iter().zip(counted).map(|(ending, core_ms)| ending.to_value(core_ms)).collect();
     let endings = to_json("endings", &endings)?;
     query(END).bind(&endings).bind(&endings).execute(&mut *tx).await?;
     Ok(())
 }
 
+/// What ended attempts count in the budgets of their projects, in their order.
+async fn counted(tx: &mut Connection, endings: &[AttemptEnd<'_>]) -> Result<Vec<Option<i64>>, StoreError> {
+    let ended: Vec<_> = endings.iter().map(|it| json!({"job": it.job, "attempt": it.attempt})).collect();
+    let rows = query(CHARGED).bind(to_json("attempts", &ended)?).fetch_all(&mut *tx).await?;
+    let mut counted = vec![None; endings.len()];
+    for row in &rows {
+        let place = row.number::<u32>("place")? as usize;
+        let (Some(ending), Some(counted)) = (endings.get(place), counted.get_mut(place)) else { continue };
+        let attempt = ChargedAttempt {
+            claimed_at: row.moment("claimed_at")?,
+            last_seen_at: row.moment("last_seen_at")?,
+            on_cpu: row.column("on_cpu")?,
+            threads: row.number("threads")?,
+            slots: row.column::<Option<i64>>("slots")?.and_then(|slots| u32::try_from(slots).ok()),
+        };
+        *counted = Some(core_ms(attempt, ending.outcome, ending.stated, ending.at));
+    }
+    Ok(counted)
+}
+
+/// What counts of attempts depends on.
+pub(super) const CHARGED: &str = "
+    SELECT CAST(ended.key AS BIGINT) AS place, a.claimed_at, w.last_seen_at, w.backend = 'cpu' AS on_cpu, w.threads, w.slots
+    FROM json_each(?) AS ended
+    CROSS JOIN attempts a ON a.job_id = ended.value ->> 'job' AND a.number = CAST(ended.value ->> 'attempt' AS BIGINT)
+    CROSS JOIN workers w ON w.id = a.worker_id";
+
 pub(super) const END: &str = "
     UPDATE attempts SET outcome = e.value ->> 'outcome', message = e.value ->> 'message',
                         partial_digest = e.value ->> 'partial', filled_by = e.value ->> 'filled_by',
-                        threads = CAST(e.value ->> 'threads' AS BIGINT), ended_at = CAST(e.value ->> 'at' AS BIGINT)
+                        core_ms = CAST(e.value ->> 'core_ms' AS BIGINT), ended_at = CAST(e.value ->> 'at' AS BIGINT)
     FROM json_each(?) AS e
     WHERE attempts.job_id = e.value ->> 'job' AND attempts.number = CAST(e.value ->> 'attempt' AS BIGINT);
     UPDATE jobs SET state = e.value ->> 'state', not_before = CAST(e.value ->> 'not_before' AS BIGINT),

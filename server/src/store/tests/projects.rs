@@ -15,14 +15,15 @@ use uuid::Uuid;
 use super::super::database::{Connection, query_as, sqlite};
 use super::super::*;
 use super::*;
-use crate::queue::{Provenance, RetryPolicy};
+use crate::queue::{Provenance, RetryPolicy, Stated};
 use crate::sweep::Trial;
+
+mod charges;
 
 on_both_engines!(
     a_small_project_waits_for_one_round_of_the_workers_at_most,
     claims_follow_the_shares_of_projects,
     a_project_without_budget_waits_until_the_budget_is_raised,
-    an_attempt_counts_once_when_it_ends,
     projects_are_checked_when_they_are_made_and_changed,
     an_upgrade_puts_earlier_tokens_into_the_default_project,
 );
@@ -88,7 +89,7 @@ async fn register(store: &Store) -> WorkerId {
         solver_revision: SOLVER_REVISION,
         backend: "cpu".to_owned(),
         device: "a".to_owned(),
-        threads: 1,
+        threads: 8,
         memory_mib: None,
     };
     store.register_worker(worker, Timestamp(0)).await.unwrap().unwrap();
@@ -216,56 +217,21 @@ async fn a_project_without_budget_waits_until_the_budget_is_raised(place: Place)
     store.close().await;
 }
 
-/// Delivers a result with three threads.
-async fn succeed(store: &Store, worker: WorkerId, (job, attempt): (JobId, u32), at_ms: i64) {
-    let digest = store.job(job).await.unwrap().unwrap().scenario_digest;
+/// Delivers a result of three threads, whose time has no limit.
+async fn succeed(store: &Store, worker: WorkerId, attempt: (JobId, u32), at_ms: i64) {
+    deliver(store, worker, attempt, Stated { threads: 3, wall_ms: i64::MAX }, at_ms).await;
+}
+
+async fn deliver(store: &Store, worker: WorkerId, (job, attempt): (JobId, u32), stated: Stated, at_ms: i64) {
     let provenance = Provenance {
-        scenario: digest,
+        scenario: store.job(job).await.unwrap().unwrap().scenario_digest,
         revision: SOLVER_REVISION,
         backend: "cpu".to_owned(),
         device: "a".to_owned(),
     };
-    let result = EncodedResult::sample(provenance, &format!("{job}"));
+    let mut result = EncodedResult::sample(provenance, &format!("{job}"));
+    result.stated = stated;
     store.record_result(job, attempt, worker, (result, None), Timestamp(at_ms)).await.unwrap().unwrap();
-}
-
-async fn an_attempt_counts_once_when_it_ends(place: Place) {
-    let (store, tokens) = with_projects(&place, &[("p", 1, 1)]).await;
-    let worker = register(&store).await;
-    submit(&store, &tokens[0][0], 2).await;
-    let used = async || {
-        let (projects, _) = store.projects(None, 1).await.unwrap();
-        (projects[0].name.clone(), projects[0].used_core_hours)
-    };
-    let hours = |hours: f64| ("p".to_owned(), hours);
-    let jobs = claim(&store, worker, 1, at(0)).await;
-    assert_eq!(used().await, hours(0.0), "it runs");
-    // A lost attempt counts one thread until its lease expired.
-    let policy = RetryPolicy::default();
-    assert_eq!(store.expire(policy, at(HOUR_MS)).await.unwrap().lost, 1);
-    assert_eq!(used().await, hours(1.0));
-    // A late heartbeat: it was never lost.
-    let beats = vec![Beat { job_id: jobs[0].0, attempt: jobs[0].1 }];
-    let until = Timestamp(2 * HOUR_MS);
-    store.heartbeat(worker, beats, Timestamp(HOUR_MS), until).await.unwrap().unwrap();
-    assert_eq!(used().await, hours(0.0));
-    succeed(&store, worker, jobs[0], 2 * HOUR_MS).await;
-    assert_eq!(used().await, hours(6.0));
-    succeed(&store, worker, jobs[0], 3 * HOUR_MS).await;
-    assert_eq!(used().await, hours(6.0), "a repeated delivery");
-    // The clock was set back.
-    let jobs = claim(&store, worker, 1, at(2 * HOUR_MS)).await;
-    succeed(&store, worker, jobs[0], HOUR_MS).await;
-    assert_eq!(used().await, hours(6.0));
-    // What was used stays used.
-    for (sweep,) in query_as::<(String,)>("SELECT id FROM sweeps").fetch_all(&store.readers).await.unwrap() {
-        assert!(store.delete_sweep(sweep.parse().unwrap(), Timestamp(0)).await.unwrap());
-    }
-    store.delete_leftovers().await.unwrap();
-    let attempts: i64 =
-        query_scalar("SELECT count(*) FROM attempts").fetch_one(&store.readers).await.unwrap();
-    assert_eq!((attempts, used().await), (0, hours(6.0)));
-    store.close().await;
 }
 
 async fn projects_are_checked_when_they_are_made_and_changed(place: Place) {
@@ -296,7 +262,7 @@ async fn projects_are_checked_when_they_are_made_and_changed(place: Place) {
         matches!(file.create_project("a", share(1)).await, Err(ProjectError::Exists(name)) if name == "a")
     );
     assert!(matches!(file.set_project("b", share(1)).await, Err(ProjectError::Unknown(name)) if name == "b"));
-    let token = NewToken { name: "", user: "", project: "b", scopes: &[Scope::Read] };
+    let token = NewToken { project: "b", name: "", user: "", scopes: &[] };
     assert!(matches!(file.create_for(token, Timestamp(0)).await, Err(ProjectError::Unknown(_))));
     // Each value changes alone.
     file.set_project("a", share(3)).await.unwrap();
@@ -352,7 +318,7 @@ async fn an_upgrade_puts_earlier_tokens_into_the_default_project(place: Place) {
     let store = place.open().await;
     let token = store.tokens().await.unwrap().remove(0);
     assert_eq!((token.user.as_str(), token.project.as_str()), ("Ada", "default"));
-    let (projects, _) = store.projects(None, 9).await.unwrap();
+    let (projects, _) = store.projects(None, 99).await.unwrap();
     let view = &projects[0];
     assert_eq!((view.name.as_str(), view.share, view.budget_core_hours), ("default", 1, None));
     assert_eq!((view.used_core_hours, view.queued), (1.5, 2));

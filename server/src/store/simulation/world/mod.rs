@@ -44,8 +44,8 @@ fn fill_of(which: usize) -> usize {
 
 /// Number of projects whose use is not the sum over their ended attempts.
 const MISCOUNTED: &str = "SELECT count(*) FROM projects p WHERE p.used_core_ms <> (
-    SELECT coalesce(sum(CASE WHEN a.ended_at > a.claimed_at THEN (a.ended_at - a.claimed_at) * coalesce(a.threads, 1) ELSE 0 END), 0)
-    FROM attempts a JOIN jobs j ON j.id = a.job_id JOIN owners o ON o.id = j.owner WHERE o.project = p.id)";
+    SELECT coalesce(sum(a.core_ms), 0) FROM attempts a JOIN jobs j ON j.id = a.job_id JOIN owners o ON o.id = j.owner
+    WHERE o.project = p.id) OR EXISTS (SELECT 1 FROM attempts WHERE (core_ms IS NULL) <> (ended_at IS NULL))";
 
 const DEVICE: &str = "simulated";
 const BACKENDS: [&str; 2] = ["cpu", "gpu"];
