@@ -138,17 +138,29 @@ macro_rules! heads {
     };
 }
 
-/// The condition that claims look at a queue: its sweep is visible, and its project has budget left.
-macro_rules! is_open {
+/// The owners whose projects have used up their budgets.
+macro_rules! spent_owners {
     () => {
-        "heads.queue NOT IN (SELECT seq FROM sweeps WHERE state <> 'ready')
-      AND heads.owner NOT IN (SELECT o.id FROM projects p CROSS JOIN owners o ON o.project = p.id
+        "(SELECT o.id FROM projects p CROSS JOIN owners o ON o.project = p.id
                               WHERE p.budget_core_ms IS NOT NULL AND p.used_core_ms >= p.budget_core_ms)"
     };
 }
 
+/// The condition that claims look at a queue: its sweep is visible, and its project has budget left.
+macro_rules! is_open {
+    () => {
+        concat!(
+            "heads.queue NOT IN (SELECT seq FROM sweeps WHERE state <> 'ready')
+      AND heads.owner NOT IN ",
+            spent_owners!()
+        )
+    };
+}
+
 // Why a job waits is asked with the same conditions.
-pub(super) use {can_continue, claimable, computing_attempt, fits, has_failed, heads, is_left_to, is_open};
+pub(super) use {
+    can_continue, claimable, computing_attempt, fits, has_failed, heads, is_left_to, is_open, spent_owners,
+};
 
 /// [`ELIGIBLE_JOBS`] with the join of the jobs of each queue, which ends in `$end`.
 macro_rules! eligible_jobs {

@@ -10,6 +10,7 @@ use roost_api::time::Timestamp;
 
 use super::columns::Columns;
 use super::database::{query, query_as, query_scalar};
+use super::eligible_jobs::spent_owners;
 use super::workers::online_window;
 use super::{Store, StoreError};
 
@@ -90,7 +91,7 @@ pub(crate) struct QueueCounts {
     pub(crate) jobs: Vec<(JobState, i64)>,
     /// Jobs that a user has paused, queued or running.
     pub(crate) paused: i64,
-    /// Time at which the oldest queued job was queued. Jobs in a pause do not count.
+    /// Time at which the oldest queued job was queued. Jobs in a pause, and of a project that has used up its budget, do not count.
     pub(crate) oldest_queued_at: Option<Timestamp>,
     /// Workers that were seen within a lease.
     pub(crate) workers: i64,
@@ -127,16 +128,20 @@ impl Store {
 pub(super) const PAUSED: &str = "SELECT count(*) FROM jobs WHERE paused = 1";
 
 /// Partial indexes serve it: no row of a job is read. Jobs of sweeps that are being submitted or deleted are counted, and then
-/// subtracted in rows of their own. `oldest` is the queued job that was submitted first.
-pub(super) const QUEUE_COUNTS: &str = "
+/// subtracted in rows of their own. `oldest` is the queued job that was submitted first, and whose project has budget left.
+pub(super) const QUEUE_COUNTS: &str = concat!(
+    "
     SELECT 'queued' AS state, count(*) + (SELECT count(*) FROM jobs WHERE not_before IS NOT NULL)
                + (SELECT count(*) FROM jobs WHERE paused = 1 AND state = 'queued' AND not_before IS NULL) AS jobs,
-           min(seq) FILTER (WHERE queue NOT IN (SELECT seq FROM sweeps WHERE state <> 'ready')) AS oldest
+           min(seq) FILTER (WHERE queue NOT IN (SELECT seq FROM sweeps WHERE state <> 'ready') AND owner NOT IN ",
+    spent_owners!(),
+    ") AS oldest
     FROM jobs WHERE state = 'queued' AND not_before IS NULL AND paused = 0
     UNION ALL SELECT 'running', count(*), NULL FROM jobs WHERE state = 'running' AND lease_expires_at > 0
     UNION ALL SELECT state, count(*), NULL FROM jobs WHERE ended_at IS NOT NULL GROUP BY state
     UNION ALL SELECT state, -count(*), NULL FROM jobs
-              WHERE sweep_id IN (SELECT id FROM sweeps WHERE state <> 'ready') GROUP BY sweep_id, state";
+              WHERE sweep_id IN (SELECT id FROM sweeps WHERE state <> 'ready') GROUP BY sweep_id, state"
+);
 
 /// Time at which a job was queued; for a job that was queued again, the time of its newest event.
 pub(super) const QUEUED_AT: &str = "

@@ -14,7 +14,7 @@ use super::columns::{Columns, to_json};
 use super::database::{Row, query, query_scalar};
 use super::eligible_jobs::{
     ROUNDS, can_continue, claimable, computing_attempt, fits, has_failed, heads, is_left_to, is_open,
-    rounds_of,
+    rounds_of, spent_owners,
 };
 use super::versions::QUEUED_AT;
 use super::workers::online_window;

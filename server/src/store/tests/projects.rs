@@ -190,6 +190,9 @@ async fn a_project_without_budget_waits_until_the_budget_is_raised(place: Place)
     let has_work = async |now| store.has_work(claim_of(worker, 1), now).await.unwrap();
     let now = at(2 * HOUR_MS);
     assert!(!has_work(now).await, "the budget is used up");
+    // Alerts about jobs that wait for workers depend on this time.
+    let oldest = async || store.queue_counts(now.wall, LEASE).await.unwrap().oldest_queued_at;
+    assert_eq!(oldest().await, None, "no worker could help");
     assert_eq!(claim(&store, worker, 2, now).await, []);
     assert_eq!(store.queue_groups().await.unwrap().0, [], "queued jobs come before no others");
     let sql = "SELECT id FROM jobs WHERE state = 'queued' ORDER BY seq LIMIT 1";
@@ -208,6 +211,7 @@ async fn a_project_without_budget_waits_until_the_budget_is_raised(place: Place)
     assert!(!has_work(now).await, "12 of 12 core-hours");
     change(&place, "paid", budget(Some(12.5))).await;
     assert!(store.spent_projects().await.unwrap().is_empty());
+    assert_eq!(oldest().await, Some(Timestamp(0)));
     assert!(store.queued_job(queued).await.unwrap().unwrap().job.spent.is_none());
     assert_eq!(claim(&store, worker, 2, now).await.len(), 2);
     change(&place, "paid", budget(Some(1.0))).await;

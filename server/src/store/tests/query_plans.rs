@@ -70,6 +70,7 @@ async fn frequent_queries_use_an_index() {
         ("SELECT seq FROM sweeps WHERE state <> 'ready'", "INDEX sweeps_hidden"),
         (versions::QUEUED_AT, "events_of_job"),
         (projects::SPENT, "COVERING INDEX projects_with_budget"),
+        (versions::QUEUE_COUNTS, "COVERING INDEX projects_with_budget"),
         ("SELECT 1 FROM jobs WHERE state = 'running' AND lease_expires_at <= 5", "jobs_by_lease"),
         ("SELECT 1 FROM jobs WHERE state = 'running' AND deadline <= 5", "jobs_by_deadline"),
         ("SELECT 1 FROM jobs WHERE not_before <= 5", "jobs_by_not_before"),
