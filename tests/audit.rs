@@ -172,6 +172,41 @@ fn every_change_and_refusal_is_one_log_line() {
 }
 
 #[test]
+fn changes_of_projects_are_logged_with_their_old_values() {
+    let sandbox = Sandbox::new();
+    let data = sandbox.path("data").display().to_string();
+    stdout(&run(&["project", "create", "wax", "--data", &data]));
+    let server = sandbox.spawn_server(&["--log-format", "json"]);
+    wait_until("the server answers", || sandbox.status("/healthz").filter(|status| *status == 200));
+    let mut expected = Vec::new();
+    for (change, fields) in [
+        (&["create", "ink", "--share", "2"][..], json!(["project_create", "ink", 2, "none", null, null])),
+        (&["set", "ink", "--budget-core-hours", "7.5"], json!(["project_set", "ink", 2, "7.5", 2, "none"])),
+        (&["set", "wax", "--share", "3"], json!(["project_set", "wax", 3, "none", 1, "none"])),
+        (&["set", "ink", "--budget-core-hours", "none"], json!(["project_set", "ink", 2, "none", 2, "7.5"])),
+    ] {
+        stdout(&run(&[&["project"], change, &["--data", &data]].concat()));
+        expected.push(fields);
+        let of = |line: &Value| {
+            let names = [
+                "action",
+                "project",
+                "share",
+                "budget_core_hours",
+                "share_before",
+                "budget_core_hours_before",
+            ];
+            json!(names.map(|name| &line[name]))
+        };
+        let logged = || lines(&server).iter().map(of).collect::<Vec<_>>();
+        wait_until("the server notices the change", || {
+            Some(logged()).filter(|it| it.len() >= expected.len())
+        });
+        assert_eq!(logged(), expected);
+    }
+}
+
+#[test]
 fn client_that_disconnects_before_the_response_is_logged() {
     let sandbox = Sandbox::new();
     let server = sandbox.spawn_server(&["--log-format", "json"]);

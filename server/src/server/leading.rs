@@ -1,7 +1,7 @@
 //! What a server opens to lead: the data directory, the database and the shared state of its requests.
 
 use std::fs::File;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
@@ -37,6 +37,7 @@ impl Leading {
             store.close().await;
             return Err(ServerError::NotLoopback(address));
         }
+        let projects = store.project_values().await?;
         let (max_requests_per_s, max_result_bytes) = (config.max_requests_per_s, config.max_result_bytes);
         let access = Access::new(max_requests_per_s, is_loopback, tokens);
         let newest_at_start = store.newest_record().await?;
@@ -64,7 +65,7 @@ impl Leading {
             connections,
             metrics,
             access,
-            spent_projects: Default::default(),
+            projects: Mutex::new(projects),
             refusal_limit: Default::default(),
             shutdown: CancellationToken::new(),
             checkpoint_uploads: Default::default(),

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use governor::{DefaultDirectRateLimiter, Quota, RateLimiter};
 
-use crate::store::Token;
+use crate::store::{ProjectValues, Token};
 
 /// Refusals that are logged in one second; a burst of as many is logged at once.
 const REFUSALS_PER_S: NonZeroU32 = NonZeroU32::new(20).unwrap();
@@ -50,5 +50,22 @@ pub(super) fn log_token(action: &'static str, token: &Token) {
     tracing::info!(
         target: "audit", action, token = token.id, name = shortened(&token.name), user = shortened(&token.user), project = token.project,
         scopes = scopes.join(" "), "done"
+    );
+}
+
+/// Logs a project that `roost project` made or changed. The use of its budget is no change.
+pub(super) fn log_project(project: &str, before: Option<&ProjectValues>, values: &ProjectValues) {
+    let of = |values: &ProjectValues| (values.share, values.budget_core_hours);
+    let budget = |values: &ProjectValues| {
+        values.budget_core_hours.map_or_else(|| "none".to_owned(), |hours| hours.to_string())
+    };
+    let action = match before {
+        None => "project_create",
+        Some(before) if of(before) != of(values) => "project_set",
+        Some(_) => return,
+    };
+    tracing::info!(
+        target: "audit", action, project, share = values.share, budget_core_hours = budget(values),
+        share_before = before.map(|before| before.share), budget_core_hours_before = before.map(budget), "done"
     );
 }

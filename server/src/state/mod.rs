@@ -19,6 +19,7 @@ mod submission_turns;
 mod sweep_cache;
 mod waits;
 
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use roost_api::forecast::Forecast;
@@ -30,7 +31,7 @@ use tokio_util::sync::CancellationToken;
 
 use crate::clock::Clock;
 use crate::config::ServerConfig;
-use crate::store::{Store, StoreError};
+use crate::store::{ProjectValues, Store, StoreError};
 use crate::sweep::Response;
 pub(crate) use access::{Access, AccessError, Caller};
 pub(crate) use connections::Connections;
@@ -75,8 +76,8 @@ pub(crate) struct AppState {
     pub(crate) connections: Arc<Connections>,
     pub(crate) metrics: Metrics,
     pub(crate) access: Access,
-    /// Projects that had used up their budgets at the last check.
-    pub(crate) spent_projects: Mutex<Vec<i64>>,
+    /// The values of projects at the last check.
+    pub(crate) projects: Mutex<BTreeMap<String, ProjectValues>>,
     /// Limits the audit lines about refused requests.
     pub(crate) refusal_limit: audit::RefusalLimit,
     /// Ends everything that waits.
@@ -100,15 +101,21 @@ pub(crate) struct AppState {
 }
 
 impl AppState {
-    /// Takes over changes that `roost token` and `roost project` made. Claims wake when a project has budget again.
+    /// Takes over changes that `roost token` and `roost project` made, and logs them. Claims wake when a project has more budget.
     pub(crate) async fn follow_changes(&self) -> Result<(), StoreError> {
         self.access.update(self.store.tokens().await?);
-        let spent = self.store.spent_projects().await?;
+        let projects = self.store.project_values().await?;
         let before = {
-            let mut known = self.spent_projects.lock().unwrap_or_else(PoisonError::into_inner);
-            std::mem::replace(&mut *known, spent.clone())
+            let mut known = self.projects.lock().unwrap_or_else(PoisonError::into_inner);
+            std::mem::replace(&mut *known, projects.clone())
         };
-        if before.iter().any(|project| !spent.contains(project)) {
+        let mut has_more = false;
+        for (name, values) in &projects {
+            let before = before.get(name);
+            audit::log_project(name, before, values);
+            has_more |= before.is_some_and(|before| values.has_more_than(before));
+        }
+        if has_more {
             self.work.notify_waiters();
         }
         Ok(())

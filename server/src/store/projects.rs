@@ -2,12 +2,12 @@
 //!
 //! A trigger counts each attempt when it ends, as `queue` decides, so that no claim sums over attempts.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use roost_api::project::{MAX_BUDGET_CORE_HOURS, MAX_PROJECT_NAME, MAX_SHARE, ProjectView};
 
 use super::columns::Columns;
-use super::database::{Row, query, query_as, query_scalar};
+use super::database::{Row, query, query_as};
 use super::tokens::TokenFile;
 use super::{Store, StoreError};
 use crate::queue::{Owner, Project, SpentBudget};
@@ -93,9 +93,24 @@ pub(super) const COUNTS: &str = "
         UNION ALL SELECT owner, 'running', count(*) FROM jobs WHERE state = 'running' AND lease_expires_at > 0 GROUP BY owner
     ) AS counted JOIN owners o ON o.id = counted.owner GROUP BY o.project, counted.state";
 
-/// Projects that have used up their budgets.
-pub(super) const SPENT: &str =
-    "SELECT id FROM projects WHERE budget_core_ms IS NOT NULL AND used_core_ms >= budget_core_ms";
+/// The values of a project, as a running server knows them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ProjectValues {
+    /// Jobs of the project per round of claims.
+    pub(crate) share: u32,
+    /// Core-hours; none without a limit.
+    pub(crate) budget_core_hours: Option<f64>,
+    /// Whether its budget is used up.
+    pub(crate) is_spent: bool,
+}
+
+impl ProjectValues {
+    /// Whether jobs that waited because of the budget may be claimed now. A budget may be used up and raised between two looks.
+    pub(crate) fn has_more_than(&self, before: &Self) -> bool {
+        let budget = |values: &Self| values.budget_core_hours.unwrap_or(f64::INFINITY);
+        budget(self) > budget(before) || (before.is_spent && !self.is_spent)
+    }
+}
 
 impl Store {
     /// Projects, newest first, and the row that the next page starts before.
@@ -140,9 +155,16 @@ impl Store {
         row.map(spent).transpose()
     }
 
-    /// Projects that have used up their budgets.
-    pub(crate) async fn spent_projects(&self) -> Result<Vec<i64>, StoreError> {
-        Ok(query_scalar(SPENT).fetch_all(&self.readers).await?)
+    /// The values of all projects by name.
+    pub(crate) async fn project_values(&self) -> Result<BTreeMap<String, ProjectValues>, StoreError> {
+        let rows = query("SELECT * FROM projects").fetch_all(&self.readers).await?;
+        let values = |row: &Row| {
+            let view = view(row, &HashMap::new())?;
+            let (share, budget_core_hours, is_spent) =
+                (view.share, view.budget_core_hours, view.is_used_up());
+            Ok((view.name, ProjectValues { share, budget_core_hours, is_spent }))
+        };
+        rows.iter().map(values).collect()
     }
 }
 

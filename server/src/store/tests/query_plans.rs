@@ -69,7 +69,6 @@ async fn frequent_queries_use_an_index() {
         (job_control::FAILED, "SEARCH jobs USING INDEX jobs_by_sweep (sweep_id=? AND state=?)"),
         ("SELECT seq FROM sweeps WHERE state <> 'ready'", "INDEX sweeps_hidden"),
         (versions::QUEUED_AT, "events_of_job"),
-        (projects::SPENT, "COVERING INDEX projects_with_budget"),
         (versions::QUEUE_COUNTS, "COVERING INDEX projects_with_budget"),
         ("SELECT 1 FROM jobs WHERE state = 'running' AND lease_expires_at <= 5", "jobs_by_lease"),
         ("SELECT 1 FROM jobs WHERE state = 'running' AND deadline <= 5", "jobs_by_deadline"),
