@@ -115,25 +115,28 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
+/// Prints a project without the numbers of its jobs, which would have to be counted.
 fn show(project: ProjectView, as_json: bool) -> Result<()> {
     if as_json {
-        return Ok(print_json(&json!(project))?);
+        let ProjectView { name, share, budget_core_hours, used_core_hours, .. } = project;
+        let values = json!({"name": name, "share": share, "budget_core_hours": budget_core_hours, "used_core_hours": used_core_hours});
+        return Ok(print_json(&values)?);
     }
-    Ok(print_lines(format_args!("{}", table(&[project])))?)
+    let mut table = Table::new(["name", "share", "core-hours", "budget"]);
+    table.row(values(&project));
+    Ok(print_lines(format_args!("{table}"))?)
 }
 
 fn table(projects: &[ProjectView]) -> Table {
     let mut table = Table::new(["name", "share", "core-hours", "budget", "queued", "running"]);
     for project in projects {
-        let budget = project.budget_core_hours.map_or_else(|| "–".to_owned(), |hours| hours.to_string());
-        table.row([
-            project.name.clone(),
-            project.share.to_string(),
-            format!("{:.1}", project.used_core_hours),
-            budget,
-            project.queued.to_string(),
-            project.running.to_string(),
-        ]);
+        let [name, share, used, budget] = values(project);
+        table.row([name, share, used, budget, project.queued.to_string(), project.running.to_string()]);
     }
     table
+}
+
+fn values(project: &ProjectView) -> [String; 4] {
+    let budget = project.budget_core_hours.map_or_else(|| "–".to_owned(), |hours| hours.to_string());
+    [project.name.clone(), project.share.to_string(), format!("{:.1}", project.used_core_hours), budget]
 }

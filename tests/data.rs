@@ -83,7 +83,7 @@ fn projects_are_made_listed_and_changed() {
     assert!(transcript(&missing).contains("there is no roost.db"), "{}", transcript(&missing));
     let made = project(&["create", "wax", "--share", "3", "--json"]);
     let made: Value = serde_json::from_str(&stdout(&made)).unwrap();
-    let expected = json!({"name": "wax", "share": 3, "budget_core_hours": null, "used_core_hours": 0.0, "queued": 0, "running": 0});
+    let expected = json!({"name": "wax", "share": 3, "budget_core_hours": null, "used_core_hours": 0.0});
     assert_eq!(made, expected);
     let _server = sandbox.start_server();
     let changed = project(&["set", "wax", "--budget-core-hours", "10.5"]);

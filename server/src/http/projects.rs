@@ -34,6 +34,7 @@ pub(crate) async fn list(
     uri: Uri,
     Params(query): Params<ProjectQuery>,
 ) -> Result<Response, ApiError> {
-    let (projects, next) = app.store.projects(cursor(query.cursor)?, limit(query.limit)?).await?;
+    let (before, limit) = (cursor(query.cursor)?, limit(query.limit)?);
+    let (projects, next) = app.store.projects(before, limit, &*app.project_counts().await?).await?;
     Ok(page(&uri, projects, next))
 }

@@ -66,6 +66,7 @@ impl Leading {
             metrics,
             access,
             projects: Mutex::new(projects),
+            recent_counts: Default::default(),
             refusal_limit: Default::default(),
             shutdown: CancellationToken::new(),
             checkpoint_uploads: Default::default(),

@@ -12,6 +12,7 @@ mod mesh_cache;
 mod metrics;
 mod partial_uploads;
 mod progress;
+mod project_counts;
 mod queue_depth;
 mod samples;
 mod slots;
@@ -41,6 +42,7 @@ pub(crate) use mesh_cache::{MeshCache, MeshCacheError};
 pub(crate) use metrics::{AnsweredRequest, MachineUsage, Metrics, RequestKind};
 pub(crate) use partial_uploads::{PartialUploads, UploadKey};
 pub(crate) use progress::ProgressBoard;
+pub(crate) use project_counts::RecentCounts;
 pub(crate) use samples::Received;
 use slots::WorkerSlots;
 use submission_turns::SubmissionTurns;
@@ -78,6 +80,8 @@ pub(crate) struct AppState {
     pub(crate) access: Access,
     /// The values of projects at the last check.
     pub(crate) projects: Mutex<BTreeMap<String, ProjectValues>>,
+    /// Numbers of the jobs of projects.
+    pub(crate) recent_counts: RecentCounts,
     /// Limits the audit lines about refused requests.
     pub(crate) refusal_limit: audit::RefusalLimit,
     /// Ends everything that waits.

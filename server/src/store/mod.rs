@@ -87,7 +87,7 @@ pub use location::{Location, LocationError};
 pub(crate) use objects::{StageError, Staged};
 pub(crate) use observations::HandedOutRun;
 pub use projects::{ProjectChange, ProjectError};
-pub(crate) use projects::ProjectValues;
+pub(crate) use projects::{ProjectCounts, ProjectValues};
 pub(crate) use speeds::{RunningJob, StoredScenario};
 pub(crate) use studies::{MAX_PROPOSALS, NewStudy, StoredStudy};
 pub(crate) use submissions::{StoredResponse, Submission, SubmissionState};

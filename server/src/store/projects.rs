@@ -81,7 +81,8 @@ fn checked_name(name: &str) -> Result<(), ProjectError> {
     Err(ProjectError::Name(name.to_owned()))
 }
 
-/// Queued and running jobs by project. Each part reads one small index, or the one of claims. Jobs of hidden sweeps do not count.
+/// Queued and running jobs by project. It scans the part of the index of claims that has all queued jobs; the other parts read small
+/// indexes. Jobs of hidden sweeps do not count.
 pub(super) const COUNTS: &str = "
     SELECT o.project, counted.state, CAST(sum(counted.jobs) AS BIGINT) AS jobs FROM (
         SELECT owner, 'queued' AS state, count(*) AS jobs FROM jobs
@@ -113,11 +114,17 @@ impl ProjectValues {
 }
 
 impl Store {
+    /// Counts the jobs of all projects. It takes longer with more queued jobs.
+    pub(crate) async fn project_counts(&self) -> Result<ProjectCounts, StoreError> {
+        counts(&query(COUNTS).fetch_all(&self.readers).await?)
+    }
+
     /// Projects, newest first, and the row that the next page starts before.
     pub(crate) async fn projects(
         &self,
         before: Option<i64>,
         limit: u32,
+        counts: &ProjectCounts,
     ) -> Result<(Vec<ProjectView>, Option<i64>), StoreError> {
         let sql = "SELECT * FROM projects WHERE id < ? ORDER BY id DESC LIMIT ?";
         let rows = query(sql)
@@ -125,13 +132,12 @@ impl Store {
             .bind(i64::from(limit) + 1)
             .fetch_all(&self.readers)
             .await?;
-        let counts = counts(&query(COUNTS).fetch_all(&self.readers).await?)?;
         let shown = &rows[..rows.len().min(limit as usize)];
         let next = match shown.last() {
             Some(last) if rows.len() > shown.len() => Some(last.column("id")?),
             _ => None,
         };
-        Ok((views(shown, &counts)?, next))
+        Ok((views(shown, counts)?, next))
     }
 
     /// The project of an owner.
@@ -204,10 +210,12 @@ impl TokenFile {
         Ok(())
     }
 
-    /// One project.
+    /// One project, without the numbers of its jobs.
     pub async fn project(&mut self, name: &str) -> Result<ProjectView, ProjectError> {
-        let found = self.projects().await?.into_iter().find(|project| project.name == name);
-        found.ok_or_else(|| ProjectError::Unknown(name.to_owned()))
+        let sql = "SELECT * FROM projects WHERE name = ?";
+        let found = query(sql).bind(name).fetch_optional(&mut self.0).await?;
+        let row = found.ok_or_else(|| ProjectError::Unknown(name.to_owned()))?;
+        Ok(view(&row, &HashMap::new())?)
     }
 
     /// The row of a project.
@@ -219,18 +227,18 @@ impl TokenFile {
 }
 
 /// Number of jobs by project and state.
-type Counts = HashMap<(i64, String), u64>;
+pub(crate) type ProjectCounts = HashMap<(i64, String), u64>;
 
-fn counts(rows: &[Row]) -> Result<Counts, StoreError> {
+fn counts(rows: &[Row]) -> Result<ProjectCounts, StoreError> {
     let count = |row: &Row| Ok(((row.column("project")?, row.column("state")?), row.number("jobs")?));
     rows.iter().map(count).collect()
 }
 
-fn views(rows: &[Row], counts: &Counts) -> Result<Vec<ProjectView>, StoreError> {
+fn views(rows: &[Row], counts: &ProjectCounts) -> Result<Vec<ProjectView>, StoreError> {
     rows.iter().map(|row| view(row, counts)).collect()
 }
 
-fn view(row: &Row, counts: &Counts) -> Result<ProjectView, StoreError> {
+fn view(row: &Row, counts: &ProjectCounts) -> Result<ProjectView, StoreError> {
     let id: i64 = row.column("id")?;
     let jobs = |state: &str| counts.get(&(id, state.to_owned())).copied().unwrap_or(0);
     let hours = |ms: i64| ms as f64 / MS_PER_HOUR;

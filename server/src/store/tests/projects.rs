@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use futures_util::future::join_all;
 use roost_api::ids::{SweepId, WorkerId};
+use roost_api::project::ProjectView;
 use roost_api::token::Scope;
 use roost_api::worker::WorkerRegistration;
 use roost_solver::SOLVER_REVISION;
@@ -114,9 +115,14 @@ async fn claim(store: &Store, worker: WorkerId, max_jobs: u32, now: Now) -> Vec<
     claimed.attempts.iter().map(|attempt| (attempt.job_id, attempt.attempt)).collect()
 }
 
+/// All projects, newest first.
+async fn listed(store: &Store) -> Vec<ProjectView> {
+    store.projects(None, 99, &store.project_counts().await.unwrap()).await.unwrap().0
+}
+
 /// The number of running jobs by project.
 async fn running(store: &Store) -> BTreeMap<String, u64> {
-    let (projects, _) = store.projects(None, 99).await.unwrap();
+    let projects = listed(store).await;
     projects.into_iter().map(|project| (project.name, project.running)).collect()
 }
 
@@ -143,7 +149,7 @@ async fn a_small_project_waits_for_one_round_of_the_workers_at_most(place: Place
     assert_eq!((counts["large"], counts["small"]), (70, 10), "{counts:?}");
     let counts = round().await;
     assert_eq!((counts["large"], counts["small"]), (90, 10), "the workers do not wait for it: {counts:?}");
-    let (projects, _) = store.projects(None, 99).await.unwrap();
+    let projects = listed(&store).await;
     let queued: Vec<_> = projects.iter().map(|project| (project.name.as_str(), project.queued)).collect();
     assert_eq!(queued, [("small", 0), ("large", 9910), ("default", 0)]);
     store.close().await;
@@ -327,7 +333,7 @@ async fn an_upgrade_puts_earlier_tokens_into_the_default_project(place: Place) {
     let store = place.open().await;
     let token = store.tokens().await.unwrap().remove(0);
     assert_eq!((token.user.as_str(), token.project.as_str()), ("Ada", "default"));
-    let (projects, _) = store.projects(None, 99).await.unwrap();
+    let projects = listed(&store).await;
     let view = &projects[0];
     assert_eq!((view.name.as_str(), view.share, view.budget_core_hours), ("default", 1, None));
     assert_eq!((view.used_core_hours, view.queued), (1.5, 2));

@@ -9,7 +9,7 @@ async fn an_attempt_counts_once_when_it_ends(place: Place) {
     let worker = register(&store).await;
     submit(&store, &tokens[0][0], 2).await;
     let used = async || {
-        let (projects, _) = store.projects(None, 1).await.unwrap();
+        let projects = listed(&store).await;
         (projects[0].name.clone(), projects[0].used_core_hours)
     };
     let hours = |hours: f64| ("p".to_owned(), hours);
@@ -51,7 +51,7 @@ async fn an_attempt_counts_no_more_than_the_run_that_is_known(place: Place) {
     let (store, tokens) = with_projects(&place, &[("p", 1, 1)]).await;
     let worker = register(&store).await;
     submit(&store, &tokens[0][0], 4).await;
-    let used = async || store.projects(None, 1).await.unwrap().0[0].used_core_hours;
+    let used = async || listed(&store).await[0].used_core_hours;
     let jobs = claim(&store, worker, 4, at(0)).await;
     let beats = jobs.iter().map(|(job_id, attempt)| Beat { job_id: *job_id, attempt: *attempt }).collect();
     store.heartbeat(worker, beats, Timestamp(HOUR_MS), Timestamp(3 * HOUR_MS)).await.unwrap().unwrap();
