@@ -141,7 +141,7 @@ pub(super) const ARRIVE: &str = "
     FROM json_each(?) AS request CROSS JOIN workers me ON me.id = request.value ->> 'worker'";
 
 /// Records how many jobs workers can run at the same time.
-const RECORD_SLOTS: &str = "UPDATE workers SET slots = CAST(found.value ->> 'slots' AS BIGINT)
+pub(super) const RECORD_SLOTS: &str = "UPDATE workers SET slots = CAST(found.value ->> 'slots' AS BIGINT)
     FROM json_each(?) AS found WHERE workers.id = found.value ->> 'worker'";
 
 /// A worker asks for work.

@@ -132,10 +132,12 @@ async fn batched_queries_scan_no_table() {
     let json = |line: &&str| line.contains("VIRTUAL TABLE");
     for sql in [
         claims::ARRIVE,
+        claims::RECORD_SLOTS,
         claims::TAKE,
         claims::REPEAT,
         claims::COMPUTE_FILLS,
         claims::USE_FILLS,
+        transitions::CHARGED,
         transitions::END,
         deliveries::RECORD,
         heartbeats::RENEW,
