@@ -66,9 +66,8 @@ fn a_server_on_a_recovered_postgresql_has_the_jobs_of_that_time() {
     assert!(sandbox.job(&done).is_none(), "the mistake");
     server.terminate();
     assert!(server.wait().0.success());
-    sql(&postgres, "SELECT pg_switch_wal()");
-    let archived =
-        "(SELECT last_archived_wal = pg_walfile_name(pg_current_wal_lsn() - 1) FROM pg_stat_archiver)";
+    sql(&postgres, "CREATE TABLE switched AS SELECT pg_walfile_name(pg_switch_wal()) AS name");
+    let archived = "(SELECT last_archived_wal >= name FROM pg_stat_archiver, switched)";
     wait_for(&postgres, "the log is archived", archived);
 
     let archive = postgres.folder().display();

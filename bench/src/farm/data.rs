@@ -20,8 +20,9 @@ impl Postgres {
     }
 
     /// Calls a program of PostgreSQL that creates or drops a database.
-    fn call(&self, program: &str, database: &str) -> Result<()> {
+    fn call(&self, program: &str, options: &[&str], database: &str) -> Result<()> {
         let command = Command::new(program)
+            .args(options)
             .args(["--maintenance-db", self.0.as_str(), database])
             .stdin(Stdio::null())
             .stdout(Stdio::null())
@@ -47,7 +48,7 @@ impl Data {
         let folder = tempfile::tempdir()?;
         let name = format!("roost_bench_{}", Uuid::now_v7().simple());
         if let Some(postgres) = &postgres {
-            postgres.call("createdb", &name)?;
+            postgres.call("createdb", &[], &name)?;
         }
         Ok(Self { folder, database: postgres.map(|postgres| (postgres, name)) })
     }
@@ -68,7 +69,7 @@ impl Drop for Data {
     /// The server has ended by now: it is dropped before its data.
     fn drop(&mut self) {
         if let Some((postgres, name)) = &self.database
-            && let Err(error) = postgres.call("dropdb", name)
+            && let Err(error) = postgres.call("dropdb", &["--force"], name)
         {
             eprintln!("{error:#}");
         }

@@ -1,7 +1,9 @@
 //! What an ended attempt counts in the budget of its project.
 
-use roost_api::job::AttemptOutcome;
 use roost_api::time::Timestamp;
+
+/// Maximum number of threads that count: the sum of a project must not overflow if a worker registers nonsense.
+const MAX_THREADS: u32 = 65_536;
 
 /// An attempt, and what its worker has registered.
 #[derive(Clone, Copy, Debug)]
@@ -29,21 +31,12 @@ pub(crate) struct Stated {
 
 /// Milliseconds times threads of an attempt that ended at `at`.
 ///
-/// A result may arrive long after its run, when the server or the network was down: no more counts than it states. Of an attempt that
-/// was lost, or that the server ended, the time until its worker was last seen counts. No run counts more threads than its worker has.
-pub(crate) fn core_ms(
-    attempt: Attempt,
-    outcome: AttemptOutcome,
-    stated: Option<Stated>,
-    at: Timestamp,
-) -> i64 {
-    let all = attempt.threads.max(1);
-    let (until, limit_ms, threads) = match (stated, outcome) {
-        (Some(stated), _) => (at, stated.wall_ms, stated.threads.clamp(1, all)),
-        (None, AttemptOutcome::Lost | AttemptOutcome::Timeout) => {
-            (at.min(attempt.last_seen_at), i64::MAX, part(attempt))
-        }
-        (None, _) => (at, i64::MAX, part(attempt)),
+/// A result may arrive long after its run, when the server or the network was down: no more counts than it states. Of an attempt
+/// without a result, the time until its worker was last seen counts. No run counts more threads than its worker has.
+pub(crate) fn core_ms(attempt: Attempt, stated: Option<Stated>, at: Timestamp) -> i64 {
+    let (until, limit_ms, threads) = match stated {
+        Some(stated) => (at, stated.wall_ms, stated.threads.clamp(1, attempt.threads.clamp(1, MAX_THREADS))),
+        None => (at.min(attempt.last_seen_at), i64::MAX, part(attempt)),
     };
     let elapsed_ms = until.0.saturating_sub(attempt.claimed_at.0);
     elapsed_ms.min(limit_ms).max(0).saturating_mul(threads.into())
@@ -52,7 +45,7 @@ pub(crate) fn core_ms(
 /// The threads of one slot.
 fn part(attempt: Attempt) -> u32 {
     match attempt.slots {
-        Some(slots) if attempt.on_cpu => (attempt.threads / slots.max(1)).max(1),
+        Some(slots) if attempt.on_cpu => (attempt.threads.min(MAX_THREADS) / slots.max(1)).max(1),
         _ => 1,
     }
 }
@@ -71,9 +64,7 @@ mod tests {
 
     #[test]
     fn a_result_counts_no_more_than_it_states_and_than_has_passed() {
-        let count = |threads, wall_ms, at| {
-            core_ms(ATTEMPT, AttemptOutcome::Succeeded, Some(Stated { threads, wall_ms }), Timestamp(at))
-        };
+        let count = |threads, wall_ms, at| core_ms(ATTEMPT, Some(Stated { threads, wall_ms }), Timestamp(at));
         assert_eq!(count(3, 500, 1_000_000), 1500, "it arrived late");
         assert_eq!(count(3, 9000, 2000), 3000, "earlier attempts took the rest");
         assert_eq!(count(65_536, 500, 2000), 4000, "more threads than its worker has");
@@ -84,20 +75,18 @@ mod tests {
 
     #[test]
     fn without_a_result_a_slot_counts() {
-        let count = |attempt, outcome, at| core_ms(attempt, outcome, None, Timestamp(at));
-        assert_eq!(count(ATTEMPT, AttemptOutcome::Released, 5000), 4 * 4000);
-        for outcome in [AttemptOutcome::Lost, AttemptOutcome::Timeout] {
-            assert_eq!(count(ATTEMPT, outcome, 1_000_000), 4 * 2000, "until the worker was last seen");
-            assert_eq!(count(ATTEMPT, outcome, 2000), 4 * 1000);
-            assert_eq!(count(Attempt { last_seen_at: Timestamp(0), ..ATTEMPT }, outcome, 2000), 0);
-        }
+        let count = |attempt, at| core_ms(attempt, None, Timestamp(at));
+        assert_eq!(count(ATTEMPT, 1_000_000), 4 * 2000, "until the worker was last seen");
+        assert_eq!(count(ATTEMPT, 2000), 4 * 1000);
+        assert_eq!(count(Attempt { last_seen_at: Timestamp(0), ..ATTEMPT }, 2000), 0);
         for (attempt, threads) in [
             (Attempt { slots: Some(16), ..ATTEMPT }, 1),
             (Attempt { slots: None, ..ATTEMPT }, 1),
             (Attempt { on_cpu: false, slots: Some(1), ..ATTEMPT }, 1),
             (Attempt { slots: Some(1), ..ATTEMPT }, 8),
+            (Attempt { slots: Some(1), threads: u32::MAX, ..ATTEMPT }, 65_536),
         ] {
-            assert_eq!(count(attempt, AttemptOutcome::Worker, 2000), threads * 1000, "{attempt:?}");
+            assert_eq!(count(attempt, 2000), threads * 1000, "{attempt:?}");
         }
     }
 }

@@ -13,7 +13,8 @@
 //!
 //! Of several projects with equal turns, the one whose last claim is the longest ago is next, then the oldest job. Some workers can run
 //! the jobs of few projects only, while the claims of other workers advance the round. All projects that are behind then have equal
-//! turns: by the age of jobs alone, one of them could get each claim.
+//! turns: by the age of jobs alone, one of them could get each claim. Claims count together, whatever the worker: a project that takes
+//! many turns on the CPU waits for a GPU behind a project that takes few.
 //!
 //! The owners of a project alternate in rounds of their own, in which each has one job, by the same rules. A job that is claimed again,
 //! after a retry or a lost lease, takes a turn again.
@@ -66,9 +67,11 @@ pub(crate) struct Turn {
 }
 
 impl Turn {
-    /// The turn of a project that comes `turns` later.
+    /// The turn of a project that comes `turns` later. The project may have had a larger share in the round of this one: of a smaller
+    /// share, all turns of the round have passed then.
     fn later(self, turns: u64, share: u32) -> Self {
-        let (number, share) = (u64::from(self.number) + turns, u64::from(share.max(1)));
+        let share = u64::from(share.max(1));
+        let number = u64::from(self.number).min(share - 1) + turns;
         Self { round: self.round.saturating_add_unsigned(number / share), number: (number % share) as u32 }
     }
 

@@ -134,6 +134,15 @@ fn a_late_project_gets_its_turns_and_no_more() {
 }
 
 #[test]
+fn a_lowered_share_ends_the_round_of_a_project() {
+    let turn = |round, number| Turn { round, number };
+    assert_eq!(turn(5, 999).later(1, 1000), turn(6, 0));
+    assert_eq!(turn(5, 999).later(1, 1), turn(6, 0), "not a thousand rounds later");
+    assert_eq!(turn(5, 7).later(1, 3), turn(6, 0));
+    assert_eq!(turn(5, 1).later(1, 3), turn(5, 2));
+}
+
+#[test]
 fn jobs_before_a_job_are_those_that_claims_take_first() {
     let mut rounds = Rounds::default();
     // The third owner is two rounds behind the others.
@@ -336,7 +345,7 @@ fn lead(order: &[usize]) -> u64 {
 
 /// While other workers advance the round, two projects with equal shares that wait for the same workers get equal parts.
 #[test]
-fn projects_that_wait_for_the_same_workers_alternate_whatever_other_workers_claim() {
+fn projects_that_wait_for_the_same_workers_alternate_beside_a_third_project() {
     for seed in 0..200 {
         let mut random = fastrand::Rng::with_seed(seed);
         let (share, other) = (random.u32(1..6), random.u32(1..6));
@@ -354,7 +363,7 @@ fn projects_that_wait_for_the_same_workers_alternate_whatever_other_workers_clai
 
 /// The same for owners of one project.
 #[test]
-fn owners_that_wait_for_the_same_workers_alternate_whatever_other_workers_claim() {
+fn owners_that_wait_for_the_same_workers_alternate_beside_a_third_owner() {
     for seed in 0..200 {
         let of_seed =
             lead(&with_two_classes(seed, &long_queues(|owner, jobs| owner_queue(0, owner, jobs)), 0));

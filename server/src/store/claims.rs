@@ -286,7 +286,8 @@ async fn claim_wave(
                 classes.push((class, timed));
             }
             let load = WorkerLoad { jobs: row.number("jobs")?, alone: row.column("alone")? };
-            let slots = i64::from(load.jobs) + i64::from(claim.max_jobs);
+            // A new worker asks for all its slots. Jobs that it has yet to deliver occupy none.
+            let slots = i64::from(claim.max_jobs);
             if row.column::<Option<i64>>("slots")?.unwrap_or(0) < slots {
                 slots_found.push(json!({"worker": claim.worker, "slots": slots}));
             }

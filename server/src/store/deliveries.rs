@@ -30,9 +30,6 @@ pub(crate) struct EncodedResult {
     pub(super) stated: Stated,
 }
 
-/// Maximum number of threads that count for a run: more than any machine has.
-const MAX_THREADS: usize = 65_536;
-
 impl EncodedResult {
     /// Encodes a result.
     pub(crate) fn new(result: &RunResult) -> Result<Self, StoreError> {
@@ -48,7 +45,7 @@ impl EncodedResult {
             digest: blake3::hash(body.as_bytes()).to_hex().to_string(),
             body,
             stated: Stated {
-                threads: result.solver.threads.clamp(1, MAX_THREADS) as u32,
+                threads: u32::try_from(result.solver.threads).unwrap_or(u32::MAX),
                 wall_ms: (result.performance.wall_s * 1000.0).ceil() as i64,
             },
         })

@@ -168,7 +168,7 @@ async fn counted(tx: &mut Connection, endings: &[AttemptEnd<'_>]) -> Result<Vec<
             threads: row.number("threads")?,
             slots: row.column::<Option<i64>>("slots")?.and_then(|slots| u32::try_from(slots).ok()),
         };
-        *counted = Some(core_ms(attempt, ending.outcome, ending.stated, ending.at));
+        *counted = Some(core_ms(attempt, ending.stated, ending.at));
     }
     Ok(counted)
 }

@@ -134,12 +134,12 @@ impl BoundaryAnswer {
             self.crossings = crossings(&band, &sides, factor, &coordinates);
         }
         let map = points.iter().enumerate().map(|(index, coordinates)| {
-            let (mean, half) = (band.means[index], band.multiplier * band.deviations[index]);
+            let (low, high) = band.interval(index);
             MapPoint {
                 values: Point::new(coordinates).values(factors),
-                estimate: model.value(mean),
-                low: model.value(mean - half),
-                high: model.value(mean + half),
+                estimate: model.value(band.means[index]),
+                low: model.value(low),
+                high: model.value(high),
                 side: sides[index],
             }
         });

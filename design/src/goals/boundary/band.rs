@@ -60,6 +60,8 @@ pub enum Side {
 pub(super) struct Band {
     pub(super) means: Vec<f64>,
     pub(super) deviations: Vec<f64>,
+    /// Standard deviations of the latent function itself, for the end of an interval that lies away from the level.
+    spreads: Vec<f64>,
     pub(super) level: f64,
     /// z.
     pub(super) multiplier: f64,
@@ -68,8 +70,11 @@ pub(super) struct Band {
 impl Band {
     pub(super) fn of(model: &Model, points: &[Vec<f64>], level: f64, seed: u64) -> Self {
         let map = columns(points[0].len(), points);
-        let (means, deviations) = mixture(model, &map, level);
-        let mut band = Self { means, deviations, level, multiplier: f64::INFINITY };
+        let latents = mixture(model, &map, level);
+        let each = |of: fn(&Latent) -> f64| latents.iter().map(of).collect();
+        let (means, deviations) = (each(|it| it.mean), each(|it| it.deviation));
+        let mut band =
+            Self { means, deviations, spreads: each(|it| it.spread), level, multiplier: f64::INFINITY };
         band.multiplier = band.quantile(model, &map, seed);
         band
     }
@@ -77,6 +82,13 @@ impl Band {
     /// (m − ℓ) / s.
     pub(super) fn distance(&self, point: usize) -> f64 {
         (self.means[point] - self.level) / self.deviations[point]
+    }
+
+    /// Both ends of the interval of the latent function, at the confidence of the band.
+    pub(super) fn interval(&self, point: usize) -> (f64, f64) {
+        let (mean, towards, away) = (self.means[point], self.deviations[point], self.spreads[point]);
+        let (below, above) = if mean < self.level { (away, towards) } else { (towards, away) };
+        (mean - self.multiplier * below, mean + self.multiplier * above)
     }
 
     pub(super) fn side(&self, point: usize) -> Side {
@@ -142,9 +154,8 @@ pub(super) fn misclassified(model: &Model, factors: &[Factor], level: f64, seed:
     let point = |index| snapped(factors, sobol(index, factors.len(), seed));
     let points: Vec<Vec<f64>> = (0..FILLING).map(point).collect();
     let map = columns(factors.len(), &points);
-    let (means, deviations) = mixture(model, &map, level);
-    let latents = means.iter().zip(&deviations);
-    latents.map(|(mean, deviation)| tail((mean - level).abs() / deviation)).sum::<f64>() / FILLING as f64
+    let latents = mixture(model, &map, level);
+    latents.iter().map(|it| tail((it.mean - level).abs() / it.deviation)).sum::<f64>() / FILLING as f64
 }
 
 /// Φ(−u).
@@ -152,9 +163,18 @@ fn tail(u: f64) -> f64 {
     0.5 * erfc(u * FRAC_1_SQRT_2)
 }
 
-/// Means of the latent function over all posteriors of a model, and deviations s: Φ(−|m − ℓ|/s) is the probability of the other side. The
-/// mixture of a mean counts as normal, which makes the band slightly wider.
-fn mixture(model: &Model, points: &DMatrix<f64>, level: f64) -> (Vec<f64>, Vec<f64>) {
+/// The latent function at a point, over all posteriors of a model.
+struct Latent {
+    /// m.
+    mean: f64,
+    /// s: Φ(−|m − ℓ|/s) is the probability of the other side.
+    deviation: f64,
+    /// Its standard deviation.
+    spread: f64,
+}
+
+/// The latent function at points. The mixture of a mean counts as normal, which makes the band slightly wider.
+fn mixture(model: &Model, points: &DMatrix<f64>, level: f64) -> Vec<Latent> {
     let predicted = |posterior: &Posterior| {
         let prediction = posterior.predict(points);
         let distances = model.distances(posterior, points, &prediction, level);
@@ -168,14 +188,14 @@ fn mixture(model: &Model, points: &DMatrix<f64>, level: f64) -> (Vec<f64>, Vec<f
     let latents = (0..points.ncols()).map(|point| {
         let mean = mean_of(&|prediction, _| prediction.means[point]);
         let square = |found: &Prediction| found.variances[point] + (found.means[point] - mean).powi(2);
-        let deviation = mean_of(&|prediction, _| square(prediction)).sqrt();
+        let spread = mean_of(&|prediction, _| square(prediction)).sqrt();
         let gap = mean - level;
         let wrong = mean_of(&|_, distances| tail(gap.signum() * distances[point]));
         let distance = -Normal::standard().inverse_cdf(wrong.max(LEAST));
-        let is_normal = model.is_normal() || gap.abs() < NEAR * deviation || distance < NEAR;
-        (mean, if is_normal { deviation } else { gap.abs() / distance })
+        let is_normal = model.is_normal() || gap.abs() < NEAR * spread || distance < NEAR;
+        Latent { mean, deviation: if is_normal { spread } else { gap.abs() / distance }, spread }
     });
-    latents.unzip()
+    latents.collect()
 }
 
 /// A normal number of mean 0 and variance 1 (Box and Muller 1958).

@@ -88,8 +88,11 @@ const MAX_STRETCHES: usize = 3;
 /// The stretches of a single factor that are below the level with 95 % confidence, as a decision needs them.
 fn safe_side(finding: &BoundaryAnswer, quantity: &Quantity, what: &str, level: &str) -> Option<String> {
     let below = stretches_below(&finding.map);
-    let below: Vec<String> =
-        below.iter().map(|(from, to)| format!("from {}", range(quantity, *from, *to))).collect();
+    let words = |(from, to): &(f64, f64)| match from == to {
+        true => number(quantity, *from),
+        false => format!("from {}", range(quantity, *from, *to)),
+    };
+    let below: Vec<String> = below.iter().map(words).collect();
     (1..=MAX_STRETCHES).contains(&below.len()).then(|| {
         format!(
             "{} is below {level} for {} {}, with 95 % confidence.",
@@ -100,13 +103,11 @@ fn safe_side(finding: &BoundaryAnswer, quantity: &Quantity, what: &str, level: &
     })
 }
 
-/// Both ends of each stretch of at least two points that are below the level, on the map of a single factor.
+/// Both ends of each stretch that is below the level, on the map of a single factor. A stretch may be a single point.
 fn stretches_below(map: &[MapPoint]) -> Vec<(f64, f64)> {
-    let ends = |points: &[MapPoint]| match points {
-        [first, .., last] if first.side == Side::Below => Some((first.values[0], last.values[0])),
-        _ => None,
-    };
-    map.chunk_by(|point, next| point.side == next.side).filter_map(ends).collect()
+    let stretches = map.chunk_by(|point, next| point.side == next.side);
+    let below = stretches.filter(|points| points[0].side == Side::Below);
+    below.map(|points| (points[0].values[0], points[points.len() - 1].values[0])).collect()
 }
 
 /// Percent of the map on one side.
@@ -134,7 +135,7 @@ mod tests {
             sides.iter().enumerate().map(point).collect()
         };
         let sides = [Above, Band, Below, Below, Below, Band, Below, Band, Below, Below];
-        assert_eq!(stretches_below(&map(&sides)), [(2.0, 4.0), (8.0, 9.0)]);
+        assert_eq!(stretches_below(&map(&sides)), [(2.0, 4.0), (6.0, 6.0), (8.0, 9.0)]);
         assert_eq!(stretches_below(&map(&[Below, Below])), [(0.0, 1.0)]);
         assert_eq!(stretches_below(&map(&[Above, Band])), []);
     }
