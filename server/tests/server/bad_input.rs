@@ -1,5 +1,7 @@
 //! Invalid input is answered with a problem document that lists all faults, and stores nothing.
 
+use std::time::{Duration, Instant};
+
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
 
@@ -185,29 +187,36 @@ async fn integers_beyond_32_bits_are_refused_with_their_range() {
     server.stop().await;
 }
 
-/// The server has one thread: a computation on it would block all requests.
+/// The server has one thread: a computation on it would block all requests, each time. A busy machine may stop a single attempt.
 #[tokio::test(flavor = "current_thread")]
 async fn costly_scenario_does_not_block_others() {
     let (server, _dir) = TestServer::with(|config| config.limits.max_subparticles = u64::MAX).await;
+    let mut waits = Vec::new();
+    while waits.len() < 4 && waits.iter().all(|(gap, took)| *gap >= *took / 2) {
+        waits.push(longest_wait_beside_a_costly_scenario(&server).await);
+    }
+    let (gap, took) = waits[waits.len() - 1];
+    assert!(gap < took / 2, "others waited {waits:?}");
+    server.stop().await;
+}
+
+/// The longest time in which this thread did nothing but answer the submission of a costly scenario, and the time of this submission.
+async fn longest_wait_beside_a_costly_scenario(server: &TestServer) -> (Duration, Duration) {
     let mut costly = envelope(1);
     costly["scenario"]["product"] = json!({"count": 191, "subparticle_radius_m": 0.001});
-    let started = std::time::Instant::now();
-    let submitted = server.send(Method::POST, "/v1/jobs", Some(&costly));
-    let mut submitted = Box::pin(submitted);
-    let (mut last, mut gap) = (started, std::time::Duration::ZERO);
+    let started = Instant::now();
+    let mut submitted = Box::pin(server.send(Method::POST, "/v1/jobs", Some(&costly)));
+    let (mut last, mut gap) = (started, Duration::ZERO);
     let status = loop {
         tokio::select! {
             answer = &mut submitted => break answer.status,
-            () = tokio::time::sleep(std::time::Duration::from_millis(1)) => {}
+            () = tokio::time::sleep(Duration::from_millis(1)) => {}
         }
         gap = gap.max(last.elapsed());
-        last = std::time::Instant::now();
+        last = Instant::now();
     };
-    drop(submitted);
-    let took = started.elapsed();
-    gap = gap.max(last.elapsed());
-    assert!(gap < took / 2, "{status}: others waited {gap:?} of {took:?}");
-    server.stop().await;
+    assert_eq!(status, 202);
+    (gap.max(last.elapsed()), started.elapsed())
 }
 
 #[tokio::test]
