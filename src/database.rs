@@ -1,11 +1,15 @@
-//! The option for a database of PostgreSQL, whose address may hold a password.
+//! The options that name the data of a server. The address of a database may hold a password.
 
 use std::ffi::OsStr;
+use std::path::PathBuf;
 
+use anyhow::Result;
 use clap::builder::TypedValueParser;
 use clap::error::ErrorKind;
 use clap::{Arg, Command, Error};
-use roost_server::Location;
+use roost_server::{Location, TokenFile};
+
+use crate::copies;
 
 /// The option.
 #[derive(Debug, clap::Args)]
@@ -21,6 +25,26 @@ pub(crate) struct Database {
         value_parser = Place(address)
     )]
     pub(crate) address: Option<Location>,
+}
+
+/// The data of a server, for commands that need no running server.
+#[derive(Debug, clap::Args)]
+pub(crate) struct ServerData {
+    /// Data folder of the server
+    #[arg(long = "data", global = true, default_value = "roost-data", value_name = "DIR")]
+    pub(crate) folder: PathBuf,
+    #[command(flatten)]
+    pub(crate) database: Database,
+}
+
+impl ServerData {
+    /// Opens its tokens and projects. `create` creates a missing database in the folder.
+    pub(crate) async fn open(&self, create: bool) -> Result<TokenFile> {
+        Ok(match &self.database.address {
+            Some(database) => roost_server::tokens_at(database).await?,
+            None => roost_server::tokens_in(&self.folder, create).await.map_err(copies::with_advice)?,
+        })
+    }
 }
 
 /// Reads an address. Its errors do not quote the address: clap's own would print a password to the terminal or the journal.

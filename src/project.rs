@@ -1,7 +1,5 @@
 //! `roost project`: shares and budgets of projects.
 
-use std::path::PathBuf;
-
 use anyhow::Result;
 use clap::Subcommand;
 use roost_api::project::{MAX_BUDGET_CORE_HOURS, MAX_SHARE, ProjectView};
@@ -9,8 +7,7 @@ use roost_server::ProjectChange;
 use roost_terminal::{Exit, Table, message, print_json, print_lines};
 use serde_json::json;
 
-use crate::copies;
-use crate::database::Database;
+use crate::database::ServerData;
 
 /// Create, list and change projects: their shares of the workers and their budgets
 ///
@@ -19,11 +16,8 @@ use crate::database::Database;
 /// changes the data folder of a server. A running server notices the change within a second.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Data folder of the server
-    #[arg(long, global = true, default_value = "roost-data", value_name = "DIR")]
-    data: PathBuf,
     #[command(flatten)]
-    database: Database,
+    data: ServerData,
     /// Print JSON
     #[arg(long, global = true)]
     json: bool,
@@ -85,10 +79,7 @@ impl Values {
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let may_create = matches!(args.action, Action::Create { .. });
-    let mut projects = match &args.database.address {
-        Some(database) => roost_server::tokens_at(database).await?,
-        None => roost_server::tokens_in(&args.data, may_create).await.map_err(copies::with_advice)?,
-    };
+    let mut projects = args.data.open(may_create).await?;
     match args.action {
         Action::List => {
             let all = projects.projects().await?;

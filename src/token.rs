@@ -1,7 +1,5 @@
 //! `roost token`: access tokens of a server.
 
-use std::path::PathBuf;
-
 use anyhow::{Result, bail};
 use clap::Subcommand;
 use roost_api::job::MAX_NAME_BYTES;
@@ -12,8 +10,7 @@ use roost_server::NewToken;
 use roost_terminal::{Exit, Table, message, print_json, print_line, print_lines};
 use serde_json::json;
 
-use crate::copies;
-use crate::database::Database;
+use crate::database::ServerData;
 
 /// Create, list and revoke access tokens
 ///
@@ -21,11 +18,8 @@ use crate::database::Database;
 /// every request needs a token, even if you revoke all tokens later.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Data folder of the server
-    #[arg(long, global = true, default_value = "roost-data", value_name = "DIR")]
-    data: PathBuf,
     #[command(flatten)]
-    database: Database,
+    data: ServerData,
     /// Print JSON
     #[arg(long, global = true)]
     json: bool,
@@ -61,11 +55,8 @@ enum Action {
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let is_first = matches!(args.action, Action::Create { .. });
-    let is_new = is_first && args.database.address.is_none() && !args.data.exists();
-    let mut tokens = match &args.database.address {
-        Some(database) => roost_server::tokens_at(database).await?,
-        None => roost_server::tokens_in(&args.data, is_first).await.map_err(copies::with_advice)?,
-    };
+    let is_new = is_first && args.data.database.address.is_none() && !args.data.folder.exists();
+    let mut tokens = args.data.open(is_first).await?;
     match args.action {
         Action::Create { scopes, name, user, project } => {
             let was_open = tokens.list().await?.is_empty();
@@ -81,7 +72,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
             if is_new {
                 message!(
                     "note: {} is a new data folder; a server uses it with `--data`",
-                    args.data.display()
+                    args.data.folder.display()
                 );
             }
             if was_open {
