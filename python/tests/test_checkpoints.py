@@ -20,7 +20,7 @@ import json, sys
 import roost
 
 def show(progress):
-    if progress.phase == "process":
+    if progress.fraction > 0.3:
         print("under way", flush=True)
 
 try:
@@ -85,7 +85,7 @@ def test_python_continues_after_ctrl_c_in_the_command(undisturbed: Fields, comma
     seen: list[roost.Progress] = []
     result = roost.run(file, threads=1, checkpoint=saved, progress=seen.append)
     assert physics(result.document) == undisturbed
-    assert seen[0].wall_s > 0.3 and not saved.exists()
+    assert seen[0].wall_s > 0.1 and not saved.exists()
 
 
 def stop_at(fraction: float) -> Callable[[roost.Progress], None]:
@@ -110,7 +110,7 @@ def test_a_checkpoint_of_another_run_is_refused(tmp_path: Path) -> None:
 
     with pytest.raises(StopIteration):
         roost.run(slow_hopper(), threads=1, seed=7, checkpoint=saved, from_start=True, progress=stop_at_once)
-    assert seen[0].wall_s < 0.5
+    assert seen[0].fraction < 0.3
     saved.write_bytes(b"no checkpoint")
     with pytest.raises(roost.RoostError, match="this is not a checkpoint of Roost"):
         roost.run(slow_hopper(), threads=1, checkpoint=saved, progress=False)
