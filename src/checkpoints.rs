@@ -28,18 +28,18 @@ const FILL_CACHE_BYTES: u64 = 4 << 30;
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Checkpoints")]
 pub(crate) struct CheckpointArgs {
-    /// Store a checkpoint of the run at this interval, such as 30s, 5m or 1h, and at Ctrl-C. The same command then continues from the
-    /// checkpoint
+    /// Store a checkpoint (the state of the run) after each interval of this length, such as 30s, 5m or 1h, and at Ctrl-C. If you
+    /// repeat the same command, the run continues from the checkpoint
     #[arg(long, value_name = "TIME", value_parser = interval, conflicts_with = "frames")]
     checkpoint_every: Option<Duration>,
-    /// Begin at zero, even if the folder has a checkpoint
+    /// Begin the run at zero, even if the folder of the result has a checkpoint
     #[arg(long, requires = "checkpoint_every")]
     from_start: bool,
-    /// Folder of filled hoppers, from which other runs with the same fill start; with an empty name, nothing is stored [default:
-    /// roost/fills in the user's cache folder]
+    /// Folder for filled states. A filled state is the state of a hopper after its fill. Later runs with the same fill start from
+    /// this state. With an empty name, the run uses and stores no filled state [default: roost/fills in the user's cache folder]
     #[arg(long, value_name = "DIR", env = "ROOST_FILLS")]
     fills: Option<OsString>,
-    /// Fill the hopper in this run: use no filled state, and store no filled state
+    /// Use no filled state, and store no filled state, so that this run fills its own hopper
     #[arg(long)]
     no_shared_fill: bool,
 }

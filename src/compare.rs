@@ -13,20 +13,21 @@ use crate::target;
 
 /// Compare two design points of a sweep
 ///
-/// Prints the mean of each response at both points, and the difference with its 95 % interval. If both points have the same seeds, the
-/// interval comes from the differences of runs with the same seed.
+/// A design point is one combination of the values of all factors of a sweep. The command prints the mean of each response at both
+/// points, and the difference of the two means with its 95 % interval. If both points have runs with the same seeds, Roost computes
+/// the interval from the differences between runs with the same seed.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep
     #[arg(value_parser = target::id)]
     id: Uuid,
-    /// Index of the first design point; `roost results --by point` lists them
+    /// Index of the first design point; `roost results --by point` lists the indices
     from: u32,
     /// Index of the second design point
     to: u32,
     #[command(flatten)]
     server: target::Server,
-    /// Show all responses, not only the main responses
+    /// Show all responses instead of only the main responses
     #[arg(long)]
     all: bool,
     /// Print JSON

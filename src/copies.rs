@@ -11,7 +11,8 @@ use crate::database::Database;
 
 /// Copy the data of a server into a folder; the server may be running
 ///
-/// The copy is consistent, and the command checks the copy. Jobs that run during the backup run again after a restore.
+/// All parts of the copy are from the same moment, and the command checks the copy. In the copy, some jobs may have the state
+/// running. After a restore, these jobs run again.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Backup {
     /// Folder for the copy; this folder must not have a backup yet

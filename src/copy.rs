@@ -11,8 +11,9 @@ use crate::copies;
 
 /// Copy the database of a stopped server to PostgreSQL, or back
 ///
-/// The source and the target are each a data folder or the address of a PostgreSQL database. The target must be empty. After the
-/// copy, the command compares every table. Objects (frames, checkpoints and filled states) stay in their present place.
+/// The option `--from` names the source, and `--to` names the target: a data folder, or the address of a PostgreSQL database. The
+/// target must be empty. After the copy, the command compares every table of the source and the target. The command does not copy
+/// frames, checkpoints and filled states: they stay in their present folder or bucket.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Data folder or database to read

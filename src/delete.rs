@@ -23,7 +23,7 @@ pub(crate) struct Args {
 pub(crate) struct DeleteArgs {
     #[command(flatten)]
     pub(crate) server: target::Server,
-    /// Delete; this cannot be undone
+    /// Delete the data; nobody can undo this deletion
     #[arg(long)]
     pub(crate) yes: bool,
     /// Print JSON

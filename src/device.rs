@@ -7,17 +7,18 @@ use roost_worker::device::{BackendKind, Device, DeviceOptions};
 /// Options of the device that computes simulations.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct DeviceArgs {
-    /// Backend [default: a discrete GPU if the machine has one, otherwise the CPU]
+    /// Processor that computes the simulations [default: the GPU if the machine has a discrete GPU (a graphics card); if not, the
+    /// CPU]
     #[arg(long, value_enum)]
     backend: Option<Backend>,
-    /// Part of the name of the graphics adapter to use, if the machine has several adapters
+    /// Graphics adapter (GPU) to use, if the machine has several adapters: a part of its name is enough
     #[arg(long, value_name = "NAME")]
     device: Option<String>,
-    /// Accept a GPU that software emulates. Use this option only for tests, because the CPU backend is faster
+    /// Accept a GPU that software emulates. Use this option only for tests, because `--backend cpu` is faster than such a GPU
     #[arg(long)]
     allow_software: bool,
-    /// Maximum GPU memory of all jobs together, in MiB. With this option, Roost refuses a job that needs more memory. Without
-    /// this option, the maximum is 4096 MiB, and a job that needs more memory runs alone
+    /// Maximum memory that all jobs together use on the GPU, in MiB. Roost refuses a job that needs more memory than this maximum.
+    /// Without this option, the maximum is 4096 MiB, and a job that needs more memory is not refused: it runs alone
     #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
     gpu_memory: Option<u32>,
 }

@@ -13,9 +13,11 @@ use crate::target;
 
 /// Show the effect of each factor of a sweep on each response
 ///
-/// The effect is the change of the response from the minimum to the maximum of the factor, along a straight line through the
-/// results. ρ is Spearman's rank correlation, and p is the p-value of ρ. The 95 % interval states how much the effect would change
-/// with other seeds. Roost computes this interval only from the seeds that all design points have.
+/// A factor is an input that the sweep varies. A response is a number in the results. To compute an effect, Roost fits a straight
+/// line to the response as a function of the factor. The effect is the change of the response along this line, from the minimum to
+/// the maximum of the factor. The table also has Spearman's rank correlation ρ and its p-value p. With other seeds, the effect would
+/// be a little different. The 95 % interval shows how large this difference may be. Roost computes the interval only from the seeds
+/// that all design points have in common.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep
@@ -23,10 +25,10 @@ pub(crate) struct Args {
     id: Uuid,
     #[command(flatten)]
     server: target::Server,
-    /// Show all responses, not only the main responses
+    /// Show all responses instead of only the main responses
     #[arg(long)]
     all: bool,
-    /// Print JSON, with the mean at each level
+    /// Print JSON, which also has the mean of each response at each level (value) of a factor
     #[arg(long)]
     json: bool,
 }

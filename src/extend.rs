@@ -20,16 +20,18 @@ pub(crate) struct Args {
     id: Uuid,
     #[command(flatten)]
     server: target::Server,
-    /// Designs random and sobol: number of further design points of the same sequence
+    /// For the designs random and sobol: number of further design points. The points continue the sequence of the design
     #[arg(long, value_name = "N", group = "more")]
     points: Option<u32>,
-    /// Designs grid and one_at_a_time: a further level of a factor, such as /equipment/gate_opening_m=0.07; may be given several times
+    /// For the designs grid and one_at_a_time: a further level (value) of a factor, such as /equipment/gate_opening_m=0.07. You can
+    /// give this option several times
     #[arg(long = "level", value_name = "POINTER=VALUE", group = "more", value_parser = level)]
     levels: Vec<(String, Value)>,
-    /// Designs list and csv: a CSV file with further design points; its headings are the factors' pointers
+    /// For the designs list and csv: a CSV file with further design points. The headings of its columns are the JSON pointers of the
+    /// factors
     #[arg(long, value_name = "FILE", group = "more")]
     rows: Option<PathBuf>,
-    /// All designs: number of further replicates of every design point
+    /// For all designs: number of further replicates (runs with other seeds) of every design point
     #[arg(long, value_name = "N", group = "more")]
     replicates: Option<u32>,
     /// Print JSON

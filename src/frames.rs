@@ -18,16 +18,19 @@ const MB: f64 = 1e6;
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Frames")]
 pub(crate) struct FrameArgs {
-    /// Write frames into this folder, and replace the frames of an earlier run: frames.pvd for ParaView, run.roostframes for the web
+    /// Write frames into this folder. A frame has the positions of all bodies at one moment. The file frames.pvd is for the program
+    /// ParaView, and the file run.roostframes is for the player of the dashboard. The command replaces the frames of an earlier run
     #[arg(long, value_name = "DIR")]
     frames: Option<PathBuf>,
-    /// Simulated time between frames, rounded to a multiple of numerics.output_interval_s
+    /// Simulated time between two frames. Roost rounds this time to a multiple of the field numerics.output_interval_s of the
+    /// scenario
     #[arg(long, requires = "frames", default_value_t = 0.05, value_name = "SECONDS", allow_negative_numbers = true, value_parser = interval)]
     frame_interval: f64,
-    /// Files to write
+    /// Files of frames that the command writes
     #[arg(long, requires = "frames", value_enum, default_value_t = Format::Both)]
     frame_format: Format,
-    /// Maximum size of all frames. Roost refuses the run if the forecast size is larger. The recording stops if the real size reaches the maximum
+    /// Maximum size of all frames together. Before the run, Roost forecasts the size, and refuses the run if the forecast is larger.
+    /// If the frames reach the maximum during the run, the run continues without recording more frames
     #[arg(long, requires = "frames", default_value_t = 2000, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     frame_limit_mb: u64,
 }

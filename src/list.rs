@@ -17,7 +17,7 @@ pub(crate) struct Args {
     /// List jobs
     #[arg(long)]
     jobs: bool,
-    /// Only jobs in this state: queued, running, succeeded, failed or cancelled
+    /// With --jobs, list only jobs in this state: queued, running, succeeded, failed or cancelled
     #[arg(long, requires = "jobs")]
     state: Option<JobState>,
     /// List workers

@@ -51,8 +51,9 @@ use roost_terminal::{Exit, message, message_lines};
 
 /// Simulate soft food as bonded particles, and run parameter sweeps on many machines.
 ///
-/// A scenario is a JSON document. A worker simulates the scenario, and the server stores the result. Start with `roost demo`, or
-/// simulate one scenario on this machine with `roost run`.
+/// A scenario is a JSON document that describes one simulation. A sweep is a set of simulations whose scenarios differ in some
+/// inputs. A server keeps a queue of simulations (jobs) and stores their results. Workers take jobs from the server and simulate
+/// them. To see an example, run `roost demo`. To simulate one scenario on this machine without a server, use `roost run`.
 #[derive(Debug, Parser)]
 #[command(version, propagate_version = true, after_help = exit::HELP)]
 struct Cli {

@@ -9,9 +9,9 @@ use crate::target::{self, Target};
 
 /// Pause sweeps or jobs: within seconds, workers store a checkpoint of each running job and hand the job back
 ///
-/// A paused job keeps its place in the queue, and no worker claims it. `roost resume` ends the pause; the job then continues from
-/// its checkpoint. A job begins at zero if the job records frames, or if the server stores no checkpoints. If you add jobs to a
-/// paused sweep, the new jobs are not paused.
+/// A paused job keeps its place in the queue, but no worker claims it. `roost resume` ends the pause. The job then continues from its
+/// checkpoint. If the job records frames, or if the server stores no checkpoints, the job begins at zero instead. If you add jobs to
+/// a paused sweep, the new jobs are not paused.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Pause {
     #[command(flatten)]

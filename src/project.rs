@@ -48,10 +48,12 @@ enum Action {
 /// New values of a project.
 #[derive(Clone, Copy, Debug, clap::Args)]
 struct Values {
-    /// Jobs of the project in each round of claims, from 1 to 1000; a new project has 1
+    /// Share of the project, from 1 to 1000; a new project has 1. With a share of 2, workers take twice as many jobs of this project
+    /// as of a project with a share of 1
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SHARE)))]
     share: Option<u32>,
-    /// Core-hours that the project may use in total, or `none`; a new project has no limit
+    /// Budget of the project: the total number of core-hours that it may use, or `none` for no limit. A core-hour is one thread that
+    /// runs for one hour. A new project has no limit
     #[arg(long, value_name = "HOURS", value_parser = budget)]
     budget_core_hours: Option<Budget>,
 }

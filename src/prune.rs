@@ -10,11 +10,11 @@ use crate::delete::DeleteArgs;
 
 /// Delete sweeps and single jobs that ended long ago; without --yes, only show these sweeps and jobs
 ///
-/// The command also deletes the results of these sweeps and jobs, and meshes of the same age that no job or sweep uses any more.
-/// `roost serve --prune-after` deletes these data automatically.
+/// The command also deletes the results of these sweeps and jobs. Meshes (STL files) of the same age are deleted too, if no job or
+/// sweep uses them. The option `--prune-after` of `roost serve` deletes the same data automatically.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Minimum time since the end: a number of hours, days or weeks, such as 12h, 30d or 8w
+    /// Delete sweeps and jobs that ended longer ago than this time, such as 12h, 30d or 8w (hours, days or weeks)
     #[arg(long, value_name = "AGE", value_parser = age)]
     older_than: Duration,
     #[command(flatten)]

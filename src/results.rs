@@ -26,21 +26,24 @@ pub(crate) struct Args {
     id: Uuid,
     #[command(flatten)]
     server: target::Server,
-    /// Format: a short table with the main responses; or JSON, CSV, Parquet or an Excel workbook (xlsx), each with all responses
+    /// Format of the results. `table` is a short table with only the main responses. All other formats have all responses; `xlsx` is
+    /// an Excel workbook
     #[arg(long, value_enum, default_value_t = Format::Table)]
     format: Format,
-    /// Rows of the table. `trial`: one row for each replicate of a design point. `point`: one row for each design point, with means and 95
-    /// % intervals over its replicates
+    /// Rows of the results. A design point is one combination of the values of all factors. Its replicates are runs with different
+    /// seeds. With `trial`, each replicate has a row. With `point`, each design point has a row, with means and 95 % intervals over
+    /// its replicates
     #[arg(long, value_enum, default_value_t = By::Trial)]
     by: By,
-    /// Names of the columns of fields: JSON pointers, or short names. A short name has the last parts of the pointer, and only as
-    /// many parts as make the name unique [default: short for xlsx, otherwise pointer]
+    /// Names of the columns with inputs: JSON pointers such as /equipment/gate_opening_m, or short names such as gate_opening_m. A
+    /// short name is the end of the pointer. If this end belongs to several pointers, the short name is longer [default: short for
+    /// xlsx, pointer for all other formats]
     #[arg(long, value_enum)]
     names: Option<Names>,
-    /// Add a second header line with the units (only for csv)
+    /// Add a second header line with the units; this option requires `--format csv`
     #[arg(long)]
     units: bool,
-    /// Write to this file instead of stdout
+    /// Write the results to this file instead of stdout
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Download the frames of a job into this file

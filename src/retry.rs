@@ -10,7 +10,7 @@ use crate::target::{self, Target};
 
 /// Queue one job again, or all failed and cancelled jobs of a sweep
 ///
-/// To continue a cancelled study, retry its sweep, which has the same id.
+/// To continue a cancelled study, use the id of the study: the sweep of the study has the same id.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep or a job
@@ -18,7 +18,7 @@ pub(crate) struct Args {
     id: Uuid,
     #[command(flatten)]
     server: target::Server,
-    /// Only jobs of this failure class: invalid, unstable, worker, lost or timeout
+    /// Queue only jobs of this failure class: invalid, unstable, worker, lost or timeout
     #[arg(long, value_name = "CLASS")]
     class: Option<FailureClass>,
     /// Print JSON

@@ -24,8 +24,8 @@ use crate::{frames, meshes, output};
 
 /// Simulate one scenario without a server
 ///
-/// Writes result.json, series.csv and curve.svg. Ctrl-C stops the simulation and writes the result so far. With --checkpoint-every, the
-/// same command then continues the simulation.
+/// The command writes the files result.json, series.csv and curve.svg. After Ctrl-C, the command stops the simulation and writes the
+/// result up to this time. If you used --checkpoint-every, repeat the same command to continue the simulation.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// JSON file with the scenario; `-` reads stdin

@@ -13,8 +13,8 @@ use crate::interval::interval;
 
 /// Run the server: the queue, the sweeps and the HTTP API
 ///
-/// All data is in the data folder. On SIGTERM or Ctrl-C the server completes open requests and exits. Workers continue their running jobs,
-/// and deliver the results when the server runs again.
+/// The server keeps its data in the data folder. On SIGTERM or Ctrl-C, the server answers the requests that it has received, and
+/// exits. While the server is stopped, workers continue their running jobs. They deliver the results when the server runs again.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
@@ -27,25 +27,27 @@ pub(crate) struct ServerArgs {
     /// Address and port to listen on; port 0 takes any free port
     #[arg(long, default_value = "127.0.0.1:7373", value_name = "ADDR", value_parser = address)]
     listen: SocketAddr,
-    /// Host and port at which other servers with the same PostgreSQL database reach this server; by default, the address of `--listen`
+    /// Host and port at which other servers reach this server, if several servers use the same PostgreSQL database; by default, the
+    /// address of `--listen`
     #[arg(long, value_name = "HOST:PORT", value_parser = host_and_port)]
     advertise: Option<String>,
-    /// Data folder
+    /// Folder for the data of the server
     #[arg(long, default_value = "roost-data", value_name = "DIR")]
     pub(crate) data: PathBuf,
     #[command(flatten)]
     database: Database,
-    /// Store frames in an S3 bucket instead of the data folder, with credentials from environment variables; needs a build with the feature
-    /// `s3`
+    /// S3 bucket for frames, checkpoints and filled states. Without this option, these files are in the data folder. The server reads
+    /// the credentials of the bucket from environment variables. This option needs a build of Roost with the feature `s3`
     #[arg(long, value_name = "s3://BUCKET/PREFIX")]
     objects: Option<Bucket>,
-    /// Interval of the heartbeats of workers
+    /// Time between two heartbeats of a worker. A heartbeat is a message that the worker and its jobs still run
     #[arg(long, default_value_t = 2.0, value_name = "SECONDS", value_parser = positive)]
     heartbeat_s: f64,
-    /// Duration of a lease: without a heartbeat for this time, the server queues the job again
+    /// Duration of a lease, which is the right of a worker to run a job. Each heartbeat renews the lease. If no heartbeat arrives for
+    /// this time, the server queues the job again
     #[arg(long, default_value_t = 15.0, value_name = "SECONDS", value_parser = positive)]
     lease_s: f64,
-    /// Maximum number of sub-particles of a scenario
+    /// Maximum number of sub-particles of a scenario. A sub-particle is one of the spheres that form a body
     #[arg(long, default_value_t = Limits::default().max_subparticles, value_name = "N")]
     max_subparticles: u64,
     /// Maximum number of time steps of a scenario
@@ -54,48 +56,50 @@ pub(crate) struct ServerArgs {
     /// Maximum number of jobs of a sweep
     #[arg(long, default_value_t = ServerConfig::default().max_jobs_per_sweep, value_name = "N")]
     max_jobs: u64,
-    /// Maximum size of a request body
+    /// Maximum size of the body of a request
     #[arg(long, default_value_t = ServerConfig::default().max_body_bytes, value_name = "BYTES")]
     max_body_bytes: usize,
-    /// Maximum size of the frames of one job; at this size, the recording of frames stops
+    /// Maximum size of the frames of one job. When the frames reach this size, the job continues without recording more frames
     #[arg(long, default_value_t = ServerConfig::default().max_frames_bytes / 1_000_000, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     max_frames_mb: u64,
-    /// Wall time between the checkpoints of a running job, such as 30s, 5m or 1h; 0 turns checkpoints off
+    /// Time between two checkpoints of a running job, such as 30s, 5m or 1h. This time is real time, not simulated time. With 0, jobs
+    /// have no checkpoints
     #[arg(long, default_value = "5m", value_name = "TIME", value_parser = interval)]
     checkpoint_interval: Duration,
-    /// Maximum size of a checkpoint. The server does not store a larger checkpoint; the job of this checkpoint then begins at zero
+    /// Maximum size of a checkpoint. The server does not store a larger checkpoint. A job without a stored checkpoint begins at zero
     /// after an interruption
     #[arg(long, default_value_t = ServerConfig::default().max_checkpoint_bytes >> 20, value_name = "MIB", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     checkpoint_limit_mib: u64,
-    /// Maximum size of all filled states together. A filled state is the start of all jobs with the same fill. Above the maximum, the
-    /// server deletes the states that have been unused for the longest time. With 0, the server stores no filled states, and each worker
-    /// shares fills only between its own jobs
+    /// Maximum size of all filled states together. A filled state is the state of a hopper after its fill. Jobs with the same fill
+    /// start from the same filled state. Above the maximum, the server deletes the filled states that have been unused for the
+    /// longest time. With 0, the server stores no filled states, and each worker uses a filled state only for its own jobs
     #[arg(long, default_value_t = ServerConfig::default().fill_limit_bytes >> 20, value_name = "MIB", value_parser = clap::value_parser!(u64).range(0..=1_000_000_000))]
     fills_limit_mib: u64,
-    /// Age at which the server deletes a filled state, counted from its last use, such as 12h or 30d
+    /// The server deletes a filled state that no job has used for this time, such as 12h or 30d
     #[arg(long, default_value = "30d", value_name = "AGE", value_parser = crate::prune::age)]
     fills_max_age: Duration,
     /// Maximum number of requests per second for each token, or for all clients without tokens; 0 means no limit
     #[arg(long, default_value_t = 0, value_name = "N")]
     max_requests_per_s: u32,
-    /// Maximum number of connections. Above this number, the server closes the connections that have been idle for the longest
-    /// time. Each worker uses up to three connections, and more connections while it sends or fetches files. The maximum is lower
-    /// if the system allows fewer open files
+    /// Maximum number of open connections. At this number, the server closes an idle connection when a new client connects. Each
+    /// worker uses up to three connections, and more connections while it sends or fetches files. If the operating system allows too
+    /// few open files for this number, the server uses a smaller number
     #[arg(long, default_value_t = ServerConfig::default().max_connections, value_name = "N", value_parser = connections)]
     max_connections: usize,
-    /// Age at which the server deletes a sweep or a single job, counted from its end, such as 30d; without this option, the server
-    /// never deletes sweeps or jobs
+    /// The server deletes a sweep or a single job when this time has passed since its end, such as 30d. Without this option, the
+    /// server never deletes sweeps or jobs by itself
     #[arg(long, value_name = "AGE", value_parser = crate::prune::age)]
     prune_after: Option<Duration>,
-    /// Maximum number of attempts of a job that fail because of a fault of the worker; 0 means no limit
+    /// A job fails after this number of attempts that failed because of a fault of their worker. An attempt is one try to simulate
+    /// the job. 0 means no limit
     #[arg(long, default_value_t = RetryPolicy::default().worker.attempts, value_name = "N")]
     worker_attempts: u32,
-    /// Maximum number of attempts of a job that end because their worker is lost; 0 means no limit
+    /// A job fails after this number of attempts whose worker was lost, which means that its heartbeats stopped. 0 means no limit
     #[arg(long, default_value_t = RetryPolicy::default().lost.attempts, value_name = "N")]
     lost_attempts: u32,
-    /// Pause before the second attempt of a job that failed because of a fault of the worker. If the worker is lost, this pause is
-    /// half as long. Each further pause is twice as long as the pause before, up to a minute. The server shortens each pause at
-    /// random by up to half
+    /// Pause before the second attempt of a job, if the first attempt failed because of a fault of the worker. If the worker was
+    /// lost, this pause is half as long. The pause doubles before each further attempt, up to a minute. The server shortens each
+    /// pause at random, by at most half
     #[arg(long, default_value_t = 2.0, value_name = "SECONDS", value_parser = pause)]
     retry_pause_s: f64,
 }

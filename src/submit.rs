@@ -22,22 +22,22 @@ pub(crate) struct Args {
     file: PathBuf,
     #[command(flatten)]
     server: target::Server,
-    /// Wait for the end, with a progress bar
+    /// Wait until all jobs have ended, and show a progress bar
     #[arg(long)]
     wait: bool,
-    /// Priority. Workers claim jobs with a higher priority first
+    /// Priority of the jobs. Workers claim jobs with a higher priority first
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     priority: Option<i32>,
-    /// Maximum wall time of each attempt
+    /// Maximum real time of each attempt. An attempt is one try of a worker to simulate the job
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = seconds)]
     max_wall_s: Option<f64>,
-    /// Record frames at this interval of simulated time; `roost results --frames` downloads the frames of a job
+    /// Record frames, with this simulated time between two frames. `roost results --frames` downloads the frames of a job
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = seconds)]
     frame_interval: Option<f64>,
     /// Simulate the scenario even if the server has a result of the same scenario
     #[arg(long)]
     no_cache: bool,
-    /// Let each job fill its own hopper: use no filled states, and store no filled states
+    /// Use no filled states (hoppers after the fill) of other jobs, and store no filled states, so that each job fills its own hopper
     #[arg(long)]
     no_shared_fill: bool,
     /// Print JSON

@@ -45,7 +45,8 @@ impl Server {
 /// The server of a command that needs none.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct OptionalServer {
-    /// Address of a server. The forecast is then for the workers of this server, not for this machine. The server must have the STL files
+    /// Address of a server. With this option, the forecast is for the workers of this server instead of for this machine. The server
+    /// must already have the STL files that the document names
     #[arg(long, value_name = "URL")]
     server: Option<String>,
     #[command(flatten)]
@@ -63,10 +64,11 @@ impl OptionalServer {
 /// Credentials for the server. A token is never an argument, since other users can see those.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct Access {
-    /// File with the access token [default: the variable ROOST_TOKEN]
+    /// File with the access token [default: the token in the environment variable ROOST_TOKEN]
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
-    /// File (PEM) with the certificates of the certificate authorities to trust for https, instead of the certificate authorities of the system
+    /// PEM file with the certificates of certificate authorities. For https, the command trusts these authorities instead of the
+    /// authorities of the system
     #[arg(long, env = "ROOST_CA", value_name = "FILE")]
     ca: Option<PathBuf>,
 }

@@ -29,7 +29,7 @@ pub(crate) struct Args {
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// Create a token and print it; it cannot be shown again
+    /// Create a token and print it once; Roost cannot show the token again
     Create {
         /// Scope: admin (everything), submit (includes read), read, or worker; may be given several times
         #[arg(long = "scope", required = true, value_name = "SCOPE")]

@@ -11,7 +11,8 @@ use crate::work::WorkerArgs;
 
 /// Run a server and one worker in this process
 ///
-/// If the data folder has access tokens, the worker needs a token with the scope `worker`, like a worker of `roost work`.
+/// If access tokens exist in the data folder, the worker needs a token with the scope `worker`. Name the file of this token with
+/// `--token-file`, or set ROOST_TOKEN.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]

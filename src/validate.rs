@@ -17,12 +17,14 @@ use crate::{forecast, measurements, target};
 
 /// Check a scenario, a sweep, a study or measurements without a simulation
 ///
-/// Prints the cost (sub-particles, time steps, memory), a description of the meshes, and a forecast. The forecast has the number of
-/// runs, the hours of processor time and the time of completion, each as a range. The forecast is for this machine. With
-/// `--server`, the forecast is for the workers of a server. For an invalid document, the command prints every fault with its JSON
-/// pointer, the value found and the allowed values.
+/// For a valid document, the command prints the cost of the simulation, a description of its meshes (STL files), and a forecast. The
+/// cost is the number of sub-particles, the number of time steps, and the memory. The forecast has the number of runs, the hours of
+/// processor time and the time of completion, each as a range. Without `--server`, the forecast is for this machine. With `--server`,
+/// the forecast is for the workers of this server. For an invalid document, the command prints every fault with its JSON pointer, the
+/// wrong value and the allowed values.
 ///
-/// For measurements, the command prints the tests and their numbers in the units of the results. The command then prints no cost.
+/// For measurements, the command prints no cost. It prints the tests with their measured numbers, in the units that Roost uses in its
+/// results.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// JSON file with a scenario, a sweep (which has a `base`), a study (which has a `goal`) or measurements (which have `tests`); `-`

@@ -12,11 +12,11 @@ use crate::device::DeviceArgs;
 use crate::interval::time;
 use crate::target;
 
-/// Run a worker: claim jobs from a server, simulate them, deliver results
+/// Run a worker, which claims jobs from a server, simulates them and delivers the results
 ///
-/// While the server is unreachable, the worker waits, and running jobs continue. On SIGTERM or Ctrl-C, the worker returns its jobs
-/// to the queue and exits. Further signals within 5 s have no effect. A signal after these 5 s ends the worker at once. The server
-/// queues the worker's jobs again when their leases expire.
+/// While the server does not answer, the worker waits, and running jobs continue. On SIGTERM or Ctrl-C, the worker returns its jobs
+/// to the queue and exits. Further signals within 5 s of the first signal have no effect. A signal after these 5 s ends the worker at
+/// once. The server then queues the worker's jobs again as soon as their leases have ended (after 15 s by default).
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Address of the server
@@ -26,10 +26,11 @@ pub(crate) struct Args {
     access: target::Access,
     #[command(flatten)]
     worker: WorkerArgs,
-    /// Exit after this time without a job, such as 30s, 5m or 1h; without this option, the worker waits for ever
+    /// The worker exits after this time without a job, such as 30s, 5m or 1h. Without this option, the worker waits for jobs until
+    /// somebody stops it
     #[arg(long, value_name = "TIME", value_parser = time)]
     idle_timeout: Option<Duration>,
-    /// Folder for finished results that the server has not confirmed
+    /// Folder in which the worker keeps each finished result until the server has confirmed it
     #[arg(long, env = "ROOST_STATE", value_name = "DIR")]
     state: Option<PathBuf>,
 }
@@ -37,22 +38,22 @@ pub(crate) struct Args {
 /// Options of every worker, in `roost work` and `roost up`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct WorkerArgs {
-    /// Number of threads for all jobs together; 0 means one thread per processor
+    /// Number of threads for all jobs of the worker together; 0 means one thread per processor
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads::value_parser())]
     threads: u16,
     #[command(flatten)]
     device: DeviceArgs,
     /// Maximum number of jobs that run at the same time: `auto`, or a number from 1 to 1024. On a CPU, the jobs share the threads.
-    /// On a GPU, the jobs form one batch, as far as the memory of the GPU allows. With `auto` on a CPU, each job gets one thread.
-    /// Each job gets more threads while the queue has fewer jobs than the worker has threads. With `auto` on a GPU, the number of
-    /// jobs is 16
+    /// With `auto` on a CPU, each job gets one thread. While the queue has fewer jobs than the worker has threads, each job gets more
+    /// threads. On a GPU, the jobs advance together as one batch, as far as the memory of the GPU allows. With `auto` on a GPU, the
+    /// maximum is 16 jobs
     #[arg(long, default_value = "auto", value_name = "N", value_parser = slots)]
     slots: Slots,
-    /// Number of seconds that running jobs may continue after a signal, before they return to the queue. Choose this time 10 s
-    /// shorter than the time after which the service manager kills the process
+    /// Time that running jobs may continue after a signal (SIGTERM or Ctrl-C), before they return to the queue. A service manager
+    /// such as systemd kills the worker some time after the signal. Choose a grace that is at least 10 s shorter than this time
     #[arg(long, default_value_t = 0, value_name = "SECONDS")]
     grace: u64,
-    /// Name of the worker in lists [default: the host name]
+    /// Name of the worker in lists [default: the name of this machine]
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
 }

@@ -30,21 +30,22 @@ use scheduler::Event;
 
 /// Simulate the paper's experiments, and write a report that compares the results with the paper
 ///
-/// Writes report.html for people, report.json with the same rows for programs, and report.md with the tables. The command stores
-/// finished runs. Every minute, the command also stores a checkpoint of each run that is not finished. After Ctrl-C, the same
-/// command continues.
+/// The paper is Vink et al. 2026, from which the model of Roost comes. The command writes three files: report.html is for people,
+/// report.json has the same rows for programs, and report.md has the tables. The command stores the results of finished runs. Every
+/// minute, it also stores a checkpoint of each unfinished run. After Ctrl-C, repeat the same command to continue.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Parts of the report
     #[arg(value_enum, default_value = "all", value_name = "PART")]
     parts: Vec<Part>,
-    /// A slice of the hopper with coarse sub-particles, and few seeds: under 10 minutes on two cores (the default)
+    /// Simulate a slice of the hopper with large sub-particles, and few seeds. This takes under 10 minutes on two cores. This size is
+    /// the default
     #[arg(long, group = "size")]
     quick: bool,
-    /// The hopper at full width, and more seeds: half an hour to two hours, by machine
+    /// Simulate the hopper at full width, and more seeds. This takes between half an hour and two hours, depending on the machine
     #[arg(long, group = "size")]
     standard: bool,
-    /// Sub-particles as small as in the paper: a night on two cores
+    /// Simulate with sub-particles as small as in the paper. This takes a night on two cores
     #[arg(long, group = "size")]
     full: bool,
     /// A profile by name
@@ -56,7 +57,7 @@ pub struct Args {
     /// Number of threads to use; 0 means one thread per processor
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads::value_parser())]
     threads: u16,
-    /// Show the planned simulations, but run no simulation
+    /// Show the planned simulations, but do not simulate them
     #[arg(long)]
     plan: bool,
     /// Commit of the source, stated in report.json and report.md

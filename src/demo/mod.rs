@@ -35,11 +35,12 @@ const RESPONSES: [(&str, &str); 6] = [
 
 /// Run a demonstration: server, worker and a sweep of four simulations
 ///
-/// Starts a server and a worker in this process. Submits a sweep that varies the gate opening and the surface condition, and
-/// follows the progress of the sweep. Then prints the table of results and plots the discharge curves.
+/// The command starts a server and a worker in this process. It submits a sweep that varies two inputs of a hopper: the gate opening,
+/// and the surface condition (dry or wet). The command shows the progress of the sweep. At the end, it prints a table of results and
+/// plots the discharge curves.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Exit after the sweep; without this option, the server continues
+    /// Exit after the sweep. Without this option, the server continues to run
     #[arg(long)]
     exit: bool,
     /// Folder for the database, the plot and the results

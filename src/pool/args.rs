@@ -20,11 +20,12 @@ const MIN_TIME_LIMIT: Duration = Duration::from_secs(180);
 
 /// Submit workers to Slurm while queued jobs need more workers
 ///
-/// The pool runs in the foreground on any machine that has `sbatch`; the server may be on another machine. Each allocation is a batch job
-/// of Slurm. An allocation runs `roost work`, and ends when it has had no job for --idle-timeout. A minute before the time limit, and after
-/// scancel or preemption, the workers of an allocation store checkpoints and hand their jobs back. Ctrl-C or SIGTERM ends the pool, but its
-/// allocations continue. If you start the pool again with the same command, it finds these allocations and uses them. The token needs the
-/// scopes `read` and `worker`.
+/// The pool is this command. It runs in the foreground on a machine that has the program `sbatch` of Slurm; the server may be on
+/// another machine. An allocation is a batch job of Slurm that runs `roost work`. It ends when it has had no job of the queue for the
+/// time --idle-timeout. A minute before the time limit of an allocation, its workers store checkpoints and hand their jobs back. They
+/// do the same after the command scancel or a preemption. Ctrl-C or SIGTERM ends the pool, but its allocations continue. If you start
+/// the pool again with the same command, the pool finds these allocations and uses them. The access token needs the scopes `read` and
+/// `worker`.
 #[derive(Debug, clap::Args)]
 pub(super) struct SlurmArgs {
     #[command(flatten)]
@@ -38,26 +39,27 @@ pub(super) struct SlurmArgs {
     /// Number of workers in an allocation, 1 to 1024; these workers share the processors of one node
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = number::<1024>)]
     pub(super) workers_per_alloc: u32,
-    /// A worker exits after this time without a job
+    /// A worker exits after this time without a job of the queue
     #[arg(long, default_value = "5m", value_name = "TIME", value_parser = time)]
     pub(super) idle_timeout: Duration,
     /// Time limit of an allocation, 3m to 168h; Slurm rounds this time up to full minutes
     #[arg(long, default_value = "1h", value_name = "TIME", value_parser = time_limit)]
     pub(super) time_limit: Duration,
-    /// The pool submits no allocation for jobs that the present workers will start within this time
+    /// The pool forecasts when the present workers will start each queued job. For jobs that start within this time, the pool submits
+    /// no allocation
     #[arg(long, default_value = "1m", value_name = "TIME", value_parser = time)]
     pub(super) start_within: Duration,
     /// Maximum number of jobs that each worker runs at the same time: `auto`, or a number from 1 to 1024, as for `roost work`
     #[arg(long, default_value = "auto", value_name = "N", value_parser = slots)]
     pub(super) slots: Slots,
-    /// Number of seconds that running jobs may continue after Slurm's signal, before the worker hands the jobs back. Choose this
-    /// time 10 s shorter than Slurm's KillWait
+    /// Time that running jobs may continue after the signal of Slurm, before the worker hands the jobs back. Choose a grace that is
+    /// at least 10 s shorter than the setting KillWait of Slurm
     #[arg(long, default_value_t = 10, value_name = "SECONDS", value_parser = grace)]
     pub(super) grace: u64,
-    /// Time between two checks of the queue and of Slurm
+    /// Time between two checks of the server's queue and of Slurm's queue
     #[arg(long, default_value = "10s", value_name = "TIME", value_parser = time)]
     pub(super) interval: Duration,
-    /// Length of the first pause, after 3 consecutive failures. With each further failure, the pause doubles, up to 1h
+    /// After 3 failures in a row, the pool pauses for this time. After each further failure, the pause is twice as long, up to 1h
     #[arg(long, default_value = "1m", value_name = "TIME", value_parser = time)]
     pub(super) retry_pause: Duration,
     /// Folder for the pool's records, its logs and undelivered results. All compute nodes must have access to this folder [default:
@@ -67,10 +69,10 @@ pub(super) struct SlurmArgs {
     /// Path of the program roost on the compute nodes [default: the path of this program]
     #[arg(long, value_name = "FILE")]
     pub(super) roost: Option<PathBuf>,
-    /// Cancel all allocations when the pool ends
+    /// Cancel all allocations of the pool when the pool ends
     #[arg(long)]
     pub(super) cancel_on_exit: bool,
-    /// Print the batch script, the sbatch command and the present decision, and submit nothing
+    /// Submit nothing: print the batch script, the sbatch command, and what the pool would do now
     #[arg(long)]
     pub(super) dry_run: bool,
     /// Options for sbatch, such as --partition=gpu --gres=gpu:1; write the value of a long option after `=`

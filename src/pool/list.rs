@@ -13,8 +13,8 @@ use super::rule::counted;
 
 /// List the allocations of a pool, and state the reason if the pool pauses
 ///
-/// The command reads the folder of the pool, so it also works when the pool does not run. The list keeps up to 200 allocations that have
-/// ended.
+/// The command reads the folder of the pool. Therefore it also works when the pool does not run. The list also has up to 200
+/// allocations that have already ended.
 #[derive(Debug, clap::Args)]
 pub(super) struct ListArgs {
     /// Folder of the pool [default: `pool` in the state folder of `roost work`]

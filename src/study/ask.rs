@@ -15,10 +15,10 @@ use crate::document::DocumentKind;
 use crate::submit::submission_error;
 use crate::target;
 
-/// Ask a study for its next runs, and compute these runs with your own program
+/// Ask a study for its next runs, so that your own program can compute them
 ///
-/// Prints the number, the values and the seed of each run. The study then waits for at most a day for the outcomes of these runs
-/// from `roost study tell`.
+/// The command prints the number of each run, its values of the factors, and its seed. Give the outcomes of these runs to the study
+/// with `roost study tell`. The study waits for them for at most a day.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Ask {
     /// Id of a study
@@ -36,9 +36,10 @@ pub(crate) struct Ask {
 
 /// Tell a study the outcomes of runs that your own program has computed
 ///
-/// The file has a list `outcomes`. Each outcome names a run: by its number `run` from `roost study ask`, or by `values` and a
-/// `seed` of your own. The outcome also has `responses`, `"failed": true` or `"given_back": true`. Use `"given_back": true` for a
-/// run that you will not compute. If you repeat the command, the study does not change.
+/// The file has a list `outcomes`. Each outcome belongs to one run. For a run from `roost study ask`, the outcome has the number
+/// `run`. For a run that you chose yourself, the outcome has `values` and a `seed`. Each outcome also has one of these three:
+/// `responses` with the results, `"failed": true` for a run that failed, or `"given_back": true` for a run that you will not compute.
+/// If you repeat the command with the same file, the study does not change.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Tell {
     /// Id of a study

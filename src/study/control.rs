@@ -34,7 +34,7 @@ pub(crate) struct Cancel {
 pub(crate) struct Budget {
     #[command(flatten)]
     target: Target,
-    /// New maximum number of runs, not below the present maximum
+    /// New maximum number of runs; it must be at least the present maximum
     #[arg(value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     max_runs: u32,
 }
@@ -46,10 +46,10 @@ pub(crate) struct Widen {
     target: Target,
     /// JSON pointer of the factor, such as /equipment/gate_opening_m
     pointer: String,
-    /// New lower end of the range, not above the present lower end
+    /// New lower end of the range; it must not be above the present lower end
     #[arg(allow_negative_numbers = true)]
     low: f64,
-    /// New upper end of the range, not below the present upper end
+    /// New upper end of the range; it must not be below the present upper end
     #[arg(allow_negative_numbers = true)]
     high: f64,
 }

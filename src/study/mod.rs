@@ -17,8 +17,10 @@ use crate::validate;
 
 /// Ask a question about a scenario; Roost chooses the runs that answer it
 ///
-/// A study has a base scenario, factors with ranges, a goal and a budget of runs. Roost adds runs to a sweep until the answer has
-/// the certainty that you asked for. The sweep has the same id as the study. `roost study run` needs no server.
+/// A study has a base scenario, factors (inputs that vary) with their ranges, a goal, and a budget (the maximum number of runs).
+/// Roost adds runs to the sweep of the study until the answer is as certain as you asked for, or until the budget is used up. The
+/// sweep has the same id as the study. The command `roost study run` needs no server. All other commands except `validate` need a
+/// server.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(subcommand)]
@@ -28,7 +30,7 @@ pub(crate) struct Args {
 #[derive(Debug, Subcommand)]
 enum Action {
     Run(run::Args),
-    /// Check a study without submitting it, and forecast its runs, processor time and time of completion
+    /// Check a study, but do not submit it; forecast its number of runs, its processor time and its time of completion
     Validate(validate::Args),
     Submit(submit::Args),
     List(show::List),

@@ -18,9 +18,9 @@ use crate::work::WorkerArgs;
 
 /// Answer a question on this machine, without a server
 ///
-/// The command runs a server and a worker in this process, and stores the study in the output folder. After Ctrl-C or a crash, the same
-/// command continues the study. If the study is finished, the command prints its answer at once. A larger `max_runs` in the file raises the
-/// budget. After any other change of the file, use another folder.
+/// The command runs a server and a worker in this process, and stores the study in the output folder. After Ctrl-C or a crash, repeat
+/// the same command to continue the study. If the study is finished, the command prints its answer at once. To raise the budget,
+/// write a larger number `max_runs` into the file. After any other change of the file, use another output folder.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// JSON file with a study; `-` reads stdin

@@ -19,26 +19,27 @@ use serde_json::json;
 
 /// Compare the server with its targets for throughput, waiting times, load, memory, and the effects of killed processes
 ///
-/// Starts servers on loopback addresses with their data in a temporary folder. Clients run in this process on the same machine.
-/// Therefore the throughput is the throughput of server and clients together. The values of CPU and memory are values of the server
-/// only.
+/// The command starts servers on loopback addresses, with their data in a temporary folder. The clients of these servers run in the
+/// process of this command, on the same machine. Therefore the measured throughput is the throughput of the server together with its
+/// clients. The measured processor time and memory are those of the server only.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// Measure only rows whose names start with NAME; may be given several times
+    /// Measure only rows whose names start with NAME. You can give several names, separated by commas
     #[arg(long, value_delimiter = ',', value_name = "NAME")]
     only: Vec<String>,
-    /// Number of queued jobs for the rows about many jobs
+    /// Number of queued jobs for the rows that measure a long queue
     #[arg(long, default_value_t = 1_000_000, value_name = "N", value_parser = job_counts())]
     many: u64,
     /// Duration of each timed measurement
     #[arg(long, default_value_t = 10, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..=600))]
     seconds: u64,
-    /// PostgreSQL address; every server then gets a database of its own, which is dropped afterwards
+    /// PostgreSQL address; with this option, the command creates a database for each server, and deletes this database at the end
     ///
-    /// The role must be allowed to create databases. The command calls the programs `createdb` and `dropdb` of PostgreSQL.
+    /// The PostgreSQL user in the address needs the permission to create databases. The command calls the programs `createdb` and
+    /// `dropdb` of PostgreSQL.
     #[arg(long, value_name = "URL")]
     postgres: Option<String>,
-    /// Print JSON: rows of name, value, unit and target
+    /// Print JSON: each row has a name, a value, a unit and a target
     #[arg(long)]
     json: bool,
 }

@@ -17,7 +17,7 @@ use super::timing::{Row, median};
 /// Options of the path `gpu`.
 #[derive(Debug, clap::Args)]
 pub(super) struct GpuArgs {
-    /// Numbers of runs that advance together on the GPU
+    /// Numbers of runs that the GPU computes together as one batch. The command measures each number
     #[arg(long, value_delimiter = ',', default_values = ["1", "4", "16", "64"], value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(super) batches: Vec<u16>,
     #[command(flatten)]
@@ -27,10 +27,10 @@ pub(super) struct GpuArgs {
 /// The graphics adapter.
 #[derive(Debug, clap::Args)]
 struct AdapterArgs {
-    /// Part of the name of the graphics adapter to use, if the machine has several adapters
+    /// Graphics adapter (GPU) to use, if the machine has several adapters: a part of its name is enough
     #[arg(long, value_name = "NAME")]
     device: Option<String>,
-    /// Accept a software adapter; its rows have the backend `software`
+    /// Accept an adapter that software emulates. The rows of this adapter have the backend `software`
     #[arg(long)]
     allow_software: bool,
 }
@@ -117,11 +117,12 @@ impl GpuTimer {
     }
 }
 
-/// Compare a graphics adapter with the plain path, step by step
+/// Compare a graphics adapter (GPU) with the plain path, step by step
 ///
-/// The adapter and the plain path compute the same steps from fillets at rest. An adapter that rounds the result of every operation
-/// gives the same bits as the plain path. An adapter that fuses operations deviates by rounding errors. These errors grow with
-/// time. The command fails if the final deviation exceeds the tolerance.
+/// The plain path is the reference code of the solver on the CPU. The adapter and the plain path compute the same steps, starting
+/// from fillets at rest. Some adapters round the result of every operation. Their results have the same bits as the results of the
+/// plain path. Other adapters combine two operations into one, with only one rounding. Their results differ from the plain path by
+/// rounding errors, which grow with time. If the difference after the last step is larger than the tolerance, the command fails.
 #[derive(Debug, clap::Args)]
 pub(crate) struct ParityArgs {
     #[command(flatten)]

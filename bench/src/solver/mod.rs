@@ -22,26 +22,29 @@ use timing::{Row, TimedRun};
 
 /// Measure the speed of the solver in particle-steps per second
 ///
-/// The paths run in turn on the same bed, so that other load on the machine affects all paths equally. Compare only ratios from the
-/// same run of this command, because absolute times depend on the machine.
+/// A particle-step is one time step of one sub-particle. A bed is a set of sub-particles in contact. A path is one of the codes of
+/// the solver: `plain` is the simple reference code, `fast` uses the vector instructions of the processor, and `gpu` uses a graphics
+/// adapter. The command measures the paths in turn on the same bed, so that other load on the machine affects all paths equally.
+/// Absolute times depend on the machine. Therefore compare only ratios of times from the same run of this command.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// Beds to time
+    /// Beds to measure
     #[arg(long, value_enum, value_delimiter = ',', default_values = ["loose", "bonded", "hopper"])]
     beds: Vec<BedKind>,
     /// Approximate number of sub-particles of a bed
     #[arg(long, default_value_t = 41_000, value_name = "N", value_parser = clap::value_parser!(u64).range(1000..=2_000_000))]
     subparticles: u64,
-    /// Numbers of threads to measure; 0 means one thread per processor [default: 1,0]
+    /// Numbers of threads, separated by commas. The command measures each number; 0 means one thread per processor [default: 1,0]
     #[arg(long, value_delimiter = ',', default_values = ["1", "0"], hide_default_value = true, value_name = "N", value_parser = threads::value_parser())]
     threads: Vec<u16>,
-    /// Paths of the solver: `plain`, `fast` (the widest instructions of this machine), names of instruction sets, or `gpu`
+    /// Paths of the solver to measure, separated by commas: `plain`, `fast`, `gpu`, or the name of an instruction set. `fast` uses
+    /// the widest vector instructions of this machine
     #[arg(long, value_delimiter = ',', default_values = ["fast"], value_name = "PATH")]
     paths: Vec<String>,
     #[cfg(feature = "gpu")]
     #[command(flatten)]
     gpu: gpu::GpuArgs,
-    /// Omit contacts between sub-particles that a bond joins, as other programs do
+    /// Compute no contact between sub-particles that a bond joins. Other programs do the same
     #[arg(long)]
     without_contact_between_bonded: bool,
     /// Number of turns; each path runs once in each turn
@@ -50,16 +53,17 @@ pub(super) struct Args {
     /// Number of time steps per turn
     #[arg(long, default_value_t = 100, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     steps: u64,
-    /// File with the bed to time, instead of the beds above: lines of `id x y z`, in metres
+    /// File with the bed to measure, instead of the beds of --beds. Each line is `id x y z`, with the position in metres
     #[arg(long, value_name = "FILE")]
     bed: Option<PathBuf>,
-    /// File with the bonds of the bed: lines of `i j`, where i and j are line numbers in the file of --bed, counted from 1
+    /// File with the bonds of the bed. Each line is `i j`, where i and j are line numbers in the file of --bed, counted from 1
     #[arg(long, value_name = "FILE", requires = "bed")]
     bonds: Option<PathBuf>,
-    /// A scenario of the experiment `hopper` with the sub-particles, material, bonds, contacts and time step of the beds; the default has sub-particles of 4 mm radius
+    /// Scenario of the experiment `hopper`, from which the beds take their sub-particles, material, bonds, contacts and time step.
+    /// The default scenario has sub-particles of 4 mm radius
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
-    /// Only write the settled bed as `NAME.csv` and `NAME_bonds.csv` into this folder
+    /// Measure nothing. Write each bed as `NAME.csv` and `NAME_bonds.csv` into this folder
     #[arg(long, value_name = "DIR")]
     write: Option<PathBuf>,
     /// Print JSON: one row for each combination of bed, path and number of threads

@@ -153,34 +153,34 @@ impl CurveRow {
 pub(super) const BONDS_INTACT_FRACTION: Response = number(
     "bonds_intact_fraction",
     "",
-    "Share of unbroken bonds among all bonds. Bonds of fillets that left the simulation count as unbroken.",
+    "Share of unbroken bonds among all bonds. Bonds that were unbroken when they left the simulation count as unbroken.",
 );
 pub(super) const MAX_OVERLAP_RATIO: Response = number(
     "max_overlap_ratio",
     "",
-    "Maximum overlap of two sub-particles without a bond, divided by R, at any time. This ratio can exceed 1 while fillets drop onto \
-     each other.",
+    "Maximum overlap of two sub-particles that no bond joins, divided by R. The maximum covers the whole simulation. The overlap is the \
+     distance by which the two spheres penetrate each other. The ratio can exceed 1 while fillets drop onto each other.",
 );
 pub(super) const KINETIC_ENERGY_END_J: Response =
-    number("kinetic_energy_end_j", "J", "Kinetic energy of all bodies at the end.");
+    number("kinetic_energy_end_j", "J", "Kinetic energy of all bodies at the end of the simulation.");
 pub(super) const ESCAPED_KG: Response = number(
     "escaped_kg",
     "kg",
-    "Mass that left the simulated space by accident, such as fragments, or fillets that fell beside the equipment. This mass is 0 in \
-     a correct simulation.",
+    "Mass that left the simulated space. In a hopper, mass that passed the gate does not count. Examples are fragments (broken parts of \
+     fillets) and fillets that fell beside the equipment. If no body leaves by intention, this mass is 0 in a correct simulation.",
 );
 pub(super) const PASSED_THROUGH: Response = number(
     "passed_through",
     "",
-    "Number of times that a sub-particle passed through a surface to its other side. Passages around an edge do not count. The \
-     number is 0 in a correct simulation.",
+    "Number of times that a sub-particle went through a surface to the other side of this surface. A sub-particle that moves \
+     around an edge of the surface does not count. The number is 0 in a correct simulation.",
 );
 pub(super) const KINETIC_ENERGY: SeriesRow = SeriesRow {
     clock: Clock::Simulated,
     ..series(
         "kinetic_energy",
         "J",
-        "Kinetic energy of all bodies, from translation and spin. Times before t = 0 (the fill) are negative.",
+        "Kinetic energy of all bodies, from translation and rotation. Negative times are the times before t = 0.",
     )
 };
 pub(super) const BONDS_INTACT: SeriesRow = SeriesRow {
@@ -188,7 +188,7 @@ pub(super) const BONDS_INTACT: SeriesRow = SeriesRow {
     ..series(
         "bonds_intact_fraction",
         "1",
-        "Share of unbroken bonds among all bonds. Times before t = 0 (the fill) are negative.",
+        "Share of unbroken bonds among all bonds. Negative times are the times before t = 0.",
     )
 };
 

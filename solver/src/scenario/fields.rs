@@ -16,11 +16,13 @@ const SECTION_PARTS: &[&[Section]] = &[PHYSICS, OWN_SECTIONS, NUMERICS];
 
 #[rustfmt::skip]
 const PHYSICS: &[Section] = &[
-    section("/product", None, "This section describes the simulated bodies (fillets, a block or single spheres) and their sub-particles."),
+    section("/product", None,
+        "This section describes the bodies and their sub-particles. A body is a fillet, a block or a single sphere."),
     section("/material", None, "This section has the elastic constants of the tissue."),
     section("/bonds", None, "This section describes the bonds between the sub-particles of a body."),
     section("/contact", None, "This section describes the contacts of sub-particles with each other and with the equipment."),
-    section("/contact/fillet_fillet", None, "These values apply to contacts between sub-particles."),
+    section("/contact/fillet_fillet", None,
+        "These values apply to contacts between the sub-particles of fillets."),
     section("/contact/fillet_equipment", None, "These values apply to contacts of sub-particles with walls, gates and plates."),
     section("/contact/fillet_belt", None, "These values apply to contacts of sub-particles with a belt. Not every experiment has a belt."),
 ];
@@ -29,7 +31,7 @@ const NUMERICS: &[Section] = &[
     section(
         "/numerics",
         None,
-        "This section sets the time step, the duration, the sampling and the end of a simulation.",
+        "This section sets the time step, the duration, the time between samples, and the end of a simulation.",
     ),
     section("/numerics/stop", None, "These conditions end a simulation before its duration is over."),
 ];
@@ -87,14 +89,14 @@ const HEAD: &[Field] = &[
         "Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds have no \
          `reference_radius_m`."),
     field("/experiment", FieldKind::Choice(EXPERIMENTS), "", Preset::Required, "section 2",
-        "Kind of simulation. `hopper`: the discharge of a hopper (section 2.4). `drop`, `bend`, `slide`, `compress`: the paper's \
-         small tests (section 2.3). `scene`: bodies and surfaces that you place."),
+        "Kind of simulation. `hopper`: the discharge of a hopper (section 2.4). `drop`, `bend`, `slide` and `compress`: the paper's \
+         small tests (section 2.3). `scene`: bodies and surfaces at positions that you choose."),
 ];
 
 #[rustfmt::skip]
 const SEED: &[Field] = &[
     integer("/seed", 1, from_to(0.0, 9_007_199_254_740_991.0), "numerics",
-        "Seed of all random numbers. Another seed gives other random positions and angles."),
+        "Start value of all random numbers. With another seed, the random positions and angles are different."),
 ];
 
 /// The fields of the experiments' own sections.

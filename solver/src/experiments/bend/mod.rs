@@ -24,21 +24,23 @@ const SINKING_M_S: f64 = 0.1;
 #[rustfmt::skip]
 const RESPONSES: &[Response] = &[
     number("bend_angle_deg", "°",
-        "Mean bend angle after the fillet came to rest, or over the last second if the fillet still swings. If the fillet fell off \
-         or tore, the response is the maximum bend angle before this event.").headline(),
+        "Mean bend angle after the fillet came to rest. If the fillet did not come to rest, the response is the mean bend angle over the \
+         last second. If the fillet fell off or tore, the response is the maximum bend angle before this event.").headline(),
     number("tip_deflection_m", "m",
-        "Distance by which the last layer of sub-particles at the tail sank, as a mean over the same time as `bend_angle_deg`. Null \
-         if the support is not `clamped`.").headline(),
+        "Distance by which the last layer of sub-particles at the tail sank, for the support `clamped`. The response is a mean over the \
+         same time as in `bend_angle_deg`. For the other supports, the response is null.").headline(),
     number("time_to_rest_s", "s",
-        "Time at which the fillet came to rest. Null if the fillet did not come to rest, or if a moving conveyor (`off_ledge`) \
-         carries the fillet.").headline(),
+        "Time at which the fillet came to rest. Null if the fillet did not come to rest. Also null if the support is `off_ledge` and the \
+         conveyor moves.").headline(),
     number("bend_swing_deg", "°",
-        "Swing of the fillet: half the range of the bend angle, over the same time as the mean in `bend_angle_deg`. Null if the \
-         fillet fell off or tore."),
-    number("largest_bend_angle_deg", "°", "Maximum bend angle while the fillet was whole and on its support. Swings of the fillet \
-                                           count."),
-    boolean("fell_off", "Whether the whole fillet fell below the axis of the bar or the roller."),
-    boolean("torn", "Whether the fillet tore: no chain of bonds connects its two ends, or a part of it left the simulation."),
+        "Swing of the fillet: half of the difference between the maximum and the minimum of the bend angle. Both values cover the same \
+         time as in `bend_angle_deg`. Null if the fillet fell off or tore."),
+    number("largest_bend_angle_deg", "°",
+        "Maximum bend angle, including swings of the fillet. If the fillet fell off or tore, only the time before this event counts."),
+    boolean("fell_off",
+        "Whether the fillet fell off its support: the whole fillet was below the axis of the bar or of the roller."),
+    boolean("torn",
+        "Whether the fillet tore: no chain of bonds connects the two ends of the fillet, or a part of the fillet left the simulation."),
     BONDS_INTACT_FRACTION,
     WARNING_COUNT,
     WARNING_CODES,
@@ -46,10 +48,10 @@ const RESPONSES: &[Response] = &[
 
 #[rustfmt::skip]
 const BEND_ANGLE: SeriesRow = series("bend_angle", "°",
-    "Bend angle while the fillet was whole and on its support.").headline();
+    "Bend angle of the fillet. The series ends when the fillet falls off or tears.").headline();
 #[rustfmt::skip]
 const TIP_DEFLECTION: SeriesRow = series("tip_deflection", "m",
-    "Distance by which the last layer of sub-particles at the tail sank, while the fillet was whole and on its support.").headline();
+    "Distance by which the last layer of sub-particles at the tail sank. The series ends when the fillet falls off or tears.").headline();
 
 pub(super) const OUTPUTS: Outputs = Outputs {
     responses: RESPONSES,

@@ -35,16 +35,18 @@ const MARGIN_M: f64 = 0.1;
 #[rustfmt::skip]
 const RESPONSES: &[Response] = &[
     number("modulus_pa", "Pa",
-        "Modulus: the slope of a straight line through stress over strain, from `modulus_from_strain` to `modulus_to_strain`. The \
-         strain is the strain between the plates. Null if fewer than three samples are in this strain range.").headline(),
+        "Elastic modulus of the block: the slope of a straight line through the curve of stress over strain. The line covers the strains \
+         from `modulus_from_strain` to `modulus_to_strain`. The strain comes from the distance between the plates. Null if fewer than \
+         three samples are in this strain range.").headline(),
     number("modulus_lattice_pa", "Pa",
-        "Modulus as in `modulus_pa`, but with the strain between the centres of the block's outermost layers. An extensometer \
-         measures this strain. Null for a block of one layer.").headline(),
-    number("stress_at_end_pa", "Pa", "Stress at the end."),
-    number("largest_strain", "", "Strain between the plates at the end."),
+        "Elastic modulus as in `modulus_pa`, but from another strain. This strain comes from the distance between the centres of the \
+         lowest and the highest layer of the block. An extensometer measures this strain. Null for a block of one layer.").headline(),
+    number("stress_at_end_pa", "Pa", "Stress at the end of the simulation."),
+    number("largest_strain", "",
+        "Strain at the end of the simulation. The strain comes from the distance between the plates."),
     number("plate_imbalance_fraction", "",
-        "Maximum difference of the forces on the two plates, divided by the maximum force. This value is small if the compression \
-         was slow enough."),
+        "Maximum difference between the forces on the two plates, divided by the maximum force on a plate. This ratio is small if the \
+         compression was slow enough."),
     BONDS_INTACT_FRACTION,
     WARNING_COUNT,
     WARNING_CODES,
@@ -52,17 +54,24 @@ const RESPONSES: &[Response] = &[
 
 #[rustfmt::skip]
 const LOWER_PLATE_FORCE: SeriesRow = series("lower_plate_force", "N",
-    "Force of the block on the lower plate; negative when the block pulls.");
-const UPPER_PLATE_FORCE: SeriesRow =
-    series("upper_plate_force", "N", "Force of the block on the upper plate.");
-const STRESS: CurveRow =
-    curve("stress", "Pa", ("strain", "1"), "Stress over strain, with the strain between the plates.")
-        .headline();
+    "Force of the block on the lower plate. The force is negative when the block pulls the plate.");
+const UPPER_PLATE_FORCE: SeriesRow = series(
+    "upper_plate_force",
+    "N",
+    "Force of the block on the upper plate. The force is negative when the block pulls the plate.",
+);
+const STRESS: CurveRow = curve(
+    "stress",
+    "Pa",
+    ("strain", "1"),
+    "Stress over strain. The strain comes from the distance between the plates.",
+)
+.headline();
 const STRESS_LATTICE: CurveRow = curve(
     "stress_lattice",
     "Pa",
     ("strain_lattice", "1"),
-    "Stress over strain, with the strain between the centres of the block's outermost layers.",
+    "Stress over strain. The strain comes from the distance between the centres of the lowest and the highest layer of the block.",
 );
 
 pub(super) const OUTPUTS: Outputs = Outputs {

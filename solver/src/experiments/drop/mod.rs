@@ -31,11 +31,13 @@ const USUAL_DROP_S: f64 = 1.5;
 const RESPONSES: &[Response] = &[
     BONDS_INTACT_FRACTION.headline(),
     number("settle_time_s", "s",
-        "Mean settle time of all fillets: the time from first contact until a fillet has settled. Null if some fillets have not \
-         settled.").headline(),
-    number("lowest_bonds_intact_fraction", "", "Share of unbroken bonds in the fillet with the lowest share.").headline(),
-    number("longest_settle_time_s", "s", "Maximum settle time of all fillets. Null if some fillets have not settled."),
-    number("settled_fraction", "", "Share of the fillets that have settled."),
+        "Mean settle time of all fillets. The settle time of a fillet is the time from its first contact with the plate until the fillet \
+         has settled. Null if at least one fillet has not settled.").headline(),
+    number("lowest_bonds_intact_fraction", "",
+        "Lowest share of unbroken bonds in a single fillet.").headline(),
+    number("longest_settle_time_s", "s",
+        "Longest settle time of a single fillet. Null if at least one fillet has not settled."),
+    number("settled_fraction", "", "Number of settled fillets, divided by the number of all fillets."),
     KINETIC_ENERGY_END_J,
     MAX_OVERLAP_RATIO,
     ESCAPED_KG,
@@ -44,17 +46,20 @@ const RESPONSES: &[Response] = &[
     WARNING_CODES,
 ];
 
-const PLATE_FORCE: SeriesRow =
-    series("plate_force", "N", "Sum of the forces on all plates, at the time of the sample.");
+const PLATE_FORCE: SeriesRow = series(
+    "plate_force",
+    "N",
+    "Sum of the vertical forces of the fillets on all plates, at the time of the sample.",
+);
 const OVER: (&str, &str) = ("fillet", "1");
 #[rustfmt::skip]
 const SETTLE_TIME: CurveRow = curve("settle_time", "s", OVER,
-    "Settle time of each fillet that settled. Fillets are numbered from 0.").headline();
+    "Settle time of each settled fillet. The numbers of the fillets start at 0.").headline();
 const BONDS_OF_EACH: CurveRow = curve(
     "bonds_intact_fraction",
     "1",
     OVER,
-    "Share of unbroken bonds of each fillet. Fillets are numbered from 0.",
+    "Share of unbroken bonds in each fillet. The numbers of the fillets start at 0.",
 );
 
 pub(super) const OUTPUTS: Outputs = Outputs {

@@ -37,95 +37,111 @@ const USUAL_SHARE: f64 = 0.6;
 #[rustfmt::skip]
 const RESPONSES: &[Response] = &[
     word("regime",
-        "Kind of discharge, from q = `lowest_rate_ratio`. `no_flow`: q below 0.15, and less than 95 % out. `inconsistent` (uneven): \
-         any other q below 0.55. `constant`: q of 0.55 and more. `outrun`: the belt at its capacity would empty the hopper within \
-         0.5 s, so q has no meaning. `too_short`: less than 4 s were simulated, and the hopper neither emptied nor jammed. Null \
-         without a belt capacity.").headline(),
+        "Kind of discharge, from the ratio q (the response `lowest_rate_ratio`). `no_flow`: q is below 0.15, and less than 95 % of the \
+         filled mass is out. `inconsistent` (uneven): q is below 0.55 in all other cases. `constant`: q is 0.55 or more. `outrun`: the \
+         belt at its capacity would empty the hopper within 0.5 s, so q has no meaning. `too_short`: less than 4 s were simulated, less \
+         than 80 % of the filled mass is out, and no jam ended the simulation. Null if the belt capacity is null or 0.").headline(),
     number("effective_throughput_kg_s", "kg/s",
-        "95 % of the filled mass, divided by the time until this mass was out. Null if less than 95 % of the filled mass came out. \
-         The paper gives 7.6 kg/s without a definition, so the definition of this response is an assumption.").headline(),
-    number("mean_rate_kg_s", "kg/s", "Mean rate from 0.5 s until 80 % of the filled mass is out. The first 0.5 s do not count, \
-                                      because fillets spill out when the shutter opens.").headline(),
+        "95 % of the filled mass, divided by the time at which this mass was out. Null if less than 95 % of the filled mass came out. \
+         The paper gives a throughput of 7.6 kg/s, but no definition. The definition of this response is therefore an assumption.").headline(),
+    number("mean_rate_kg_s", "kg/s",
+        "Mean discharge rate from t = 0.5 s until 80 % of the filled mass is out. The first 0.5 s do not count, because \
+         fillets spill out when the shutter opens.").headline(),
     indicator("jammed",
-        "Whether the hopper jammed: nothing passed the gate for the jam time, while at least 5 % of the filled mass was inside. The \
-         jam time is `jam_after_s`, or `when_jammed_s` if this time is set and shorter. A jam counts even if the flow starts again \
-         later. Null if the simulation was shorter than the jam time and the hopper did not empty.").headline(),
+        "Whether the hopper jammed. In a jam, nothing passes the gate for the jam time, while at least 5 % of the filled mass is inside. \
+         The jam time is `jam_after_s`, or `when_jammed_s` if this field has a shorter time. A jam counts even if the flow starts again \
+         later. Null if the simulation was shorter than the jam time, and at least 5 % of the filled mass was inside at the end.").headline(),
     number("time_to_jam_s", "s",
-        "Time of the last passage of mass through the gate plane before the first jam. The time is 0 if nothing passed before the \
-         jam. Null without a jam. The mean over replicates is therefore a mean over the jammed runs only."),
+        "Time at which the last mass passed the gate plane before the first jam. The time is 0 if nothing passed before the jam. Null if \
+         the hopper did not jam. A mean over several simulations therefore covers only the simulations with a jam."),
     number("discharged_kg", "kg", "Mass that has passed the gate plane by the end of the simulation.").headline(),
     number("discharged_kg_at_4s", "kg",
-        "Mass that has passed the gate plane by t = 4 s. If the simulation ended earlier with an empty or jammed hopper, the \
-         response is the mass at the end of the simulation.").headline(),
-    number("time_to_95_percent_s", "s", "Time at which 95 % of the filled mass was out; null if less than 95 % came out.").headline(),
-    number("time_to_99_percent_s", "s", "Time at which 99 % of the filled mass was out. This time depends on the last few fillets, so \
-                                         it varies a lot."),
-    number("loaded_kg", "kg", "Mass of all fillets of the scenario."),
-    number("filled_kg", "kg", "Mass in the hopper when the belt starts."),
-    number("fill_duration_s", "s", "Simulated time from the drop of the fillets until they are at rest in the hopper."),
+        "Mass that has passed the gate plane by t = 4 s. If an empty or jammed hopper ended the simulation earlier, the response is the \
+         mass at the end. Null if the simulation ended before 4 s for another reason.").headline(),
+    number("time_to_95_percent_s", "s",
+        "Time at which 95 % of the filled mass was out. Null if less than 95 % came out.").headline(),
+    number("time_to_99_percent_s", "s",
+        "Time at which 99 % of the filled mass was out. Null if less than 99 % came out. This time depends on the last few fillets. \
+         Therefore it varies a lot between simulations with different random numbers."),
+    number("loaded_kg", "kg", "Mass of all fillets that drop into the hopper before t = 0."),
+    number("filled_kg", "kg", "Filled mass: the mass in the hopper at t = 0, when the belt starts."),
+    number("fill_duration_s", "s",
+        "Simulated time from the moment at which the fillets begin to drop until they are at rest in the hopper."),
     number("bulk_density_kg_m3", "kg/m³",
-        "Filled mass divided by the volume of the bed. This volume is the hopper area times the bed height. The bed height is the \
-         height that the bed does not exceed on 95 % of the floor area. Soft fillets overlap, so the bulk density can exceed the \
-         density of a fillet."),
+        "Filled mass divided by the volume of the bed. The bed is all fillets in the hopper at t = 0. The volume of the bed is the floor \
+         area of the hopper times the bed height. On 95 % of the floor area, the bed is at most as high as the bed height. Soft fillets \
+         overlap, so the bulk density can be above the density of a fillet."),
     number("interpenetrated_fraction", "",
-        "Share of the sub-particles that lie inside another fillet when the belt starts. A sub-particle lies inside a fillet if its \
-         centre is in a cubic cell of the fillet's lattice."),
+        "Share of the sub-particles that lie inside another fillet when the belt starts. The lattice of a fillet consists of cubic cells \
+         with a sub-particle at each corner. A sub-particle lies inside a fillet if its centre is in one of these cells."),
     number("peak_rate_kg_s", "kg/s",
-        "Maximum of the 1 s running mean of the rate. The maximum of the series `mass_rate` is higher, because this series is a mean \
-         over 0.25 s."),
+        "Maximum discharge rate, as a running mean over 1 s. The series `mass_rate` is a mean over only 0.25 s. Therefore the maximum of \
+         this series is higher."),
     number("rate_variation", "",
-        "Standard deviation of the 1 s running mean of the rate, divided by the mean of this running mean. Both values refer to the \
-         time from 0.5 s until 80 % of the filled mass is out."),
-    boolean("steady", "Whether `rate_variation` is under 0.2."),
+        "Standard deviation of the discharge rate, divided by the mean of the discharge rate. Roost computes both from the running mean \
+         of the rate over 1 s, from t = 0.5 s until 80 % of the filled mass is out."),
+    boolean("steady", "Whether the discharge rate is steady: `rate_variation` is below 0.2."),
     number("longest_stoppage_s", "s",
-        "Longest time during which the rate (mean over 0.25 s) stays below 0.15 × `belt_capacity_kg_s`, before 80 % of the filled \
-         mass is out."),
+        "Longest time during which the discharge rate stays below 0.15 × `belt_capacity_kg_s`. This rate is a mean over 0.25 s. The time \
+         after 80 % of the filled mass is out does not count."),
     number("belt_capacity_kg_s", "kg/s",
-        "Rate that the belt carries when the opening is full: `bulk_density_kg_m3` × `belt_speed_m_s` × `hopper_width_m` × \
-         `gate_opening_m`. If `parametric` is false: `bulk_density_kg_m3` × velocity of the belt's surface × `opening_width_m` × \
-         `opening_height_m`; null if one of these fields is null."),
-    number("lowest_rate_ratio", "", "The ratio q: minimum of the 1 s running mean of the rate, divided by `belt_capacity_kg_s`. The \
-                                     minimum is taken from 0.5 s until 80 % of the filled mass is out."),
-    number("linearity_r2", "", "R² of a straight line through the series `discharged_mass`, from 0 to `linearity_until_s`."),
-    number("linearity_until_s", "s", "Time at which the straight line of `linearity_r2` ends: 4 s, or the earlier time at which 80 % \
-                                      of the filled mass was out or the simulation ended."),
+        "Rate that the belt carries when the opening under the gate is full: `bulk_density_kg_m3` × `belt_speed_m_s` × `hopper_width_m` \
+         × `gate_opening_m`. If `parametric` is false, the rate is `bulk_density_kg_m3` × speed of the belt's surface × \
+         `opening_width_m` × `opening_height_m`. Null if one of these factors is unknown, or if the belt stands still."),
+    number("lowest_rate_ratio", "",
+        "The ratio q: the lowest discharge rate, divided by `belt_capacity_kg_s`. The lowest rate is the minimum of the running mean \
+         over 1 s, from t = 0.5 s until 80 % of the filled mass is out."),
+    number("linearity_r2", "",
+        "Coefficient of determination R² of a straight line through the series `discharged_mass`. The line covers the time from t = 0 \
+         to `linearity_until_s`."),
+    number("linearity_until_s", "s",
+        "Time at which the straight line of `linearity_r2` ends: t = 4 s. The line ends earlier if 80 % of the filled mass was out \
+         before 4 s, or if the simulation ended before 4 s."),
     number("greatest_height_m", "m",
-        "Height of the top of the highest sub-particle that is in the hopper at the end, measured from the plane z = 0. A fillet \
-         that hangs on a wall also counts."),
+        "Height of the top of the highest sub-particle that is in the hopper at the end. Roost measures this height from the plane z = \
+         0. A fillet that hangs on a wall also counts. Null if no sub-particle is in the hopper."),
     number("residence_mean_s", "s",
-        "Mean residence time of the fillets that left. The residence time runs from t = 0 until the centre of mass passes the gate \
-         plane. For a fillet of the feed, the residence time starts when the fillet enters.").headline(),
+        "Mean residence time of the fillets that left. The residence time of a fillet runs from t = 0 until its centre of mass passes \
+         the gate plane. For a fillet of the feed, the residence time starts when this fillet enters.").headline(),
     number("residence_5_percent_s", "s",
-        "Residence time that 5 % of the fillets do not exceed, by the estimator of Kaplan and Meier. The estimator also counts a \
-         fillet that is still inside: its residence time is longer than its time in the hopper so far."),
-    number("residence_median_s", "s", "Residence time that 50 % of the fillets do not exceed; null if the curve `residence_share` \
-                                       ends below 50 %."),
-    number("residence_95_percent_s", "s", "Residence time that 95 % of the fillets do not exceed; null if the curve `residence_share` \
-                                           ends below 95 %."),
-    number("fillets_remaining", "", "Number of fillets in the hopper at the end: their centre of mass has not passed the gate plane."),
+        "Residence time of the fastest fillets: 5 % of the fillets have this residence time or a shorter one. The estimate after Kaplan \
+         and Meier also counts the fillets that are still inside. The residence time of such a fillet is longer than its time in the \
+         hopper so far."),
+    number("residence_median_s", "s",
+        "Median residence time: 50 % of the fillets have this residence time or a shorter one. Null if the curve `residence_share` \
+         ends below 50 %."),
+    number("residence_95_percent_s", "s",
+        "Residence time of the slowest fillets: 95 % of the fillets have this residence time or a shorter one. Null if the curve \
+         `residence_share` ends below 95 %."),
+    number("fillets_remaining", "",
+        "Number of fillets in the hopper at the end. The centre of mass of these fillets has not passed the gate plane."),
     number("curl_angle_deg", "°",
-        "Mean bend angle of the fillets within 0.2 m past the gate, over all samples until 80 % of the filled mass is out. The bend \
-         angle is the angle between the directions of the two ends. The bend angle is 0° for a flat fillet, and 180° for a fillet \
-         that is folded double."),
-    number("largest_curl_angle_deg", "°", "Maximum bend angle of the fillets that count for `curl_angle_deg`."),
-    number("fed_kg", "kg", "Mass that the feed has brought in. This mass is less than `feed_kg_s` × time if fillets found no free \
-                            place above the hopper. The result then has the warning `feed_short`."),
-    number("inside_kg", "kg", "Mass in the hopper at the end: the mass that has not passed the gate."),
+        "Mean bend angle of the fillets just after the gate: their centre of mass is at most 0.2 m past the gate plane. The mean covers \
+         all samples until 80 % of the filled mass is out. The bend angle is the angle between the directions of the two ends of a \
+         fillet. A flat fillet has 0°, and a fillet that is folded double has 180°."),
+    number("largest_curl_angle_deg", "°",
+        "Maximum bend angle of a single fillet, among the fillets and samples that count for `curl_angle_deg`."),
+    number("fed_kg", "kg",
+        "Mass that the feed has brought in. This mass is less than `feed_kg_s` × time if fillets found no free place above the hopper. \
+         If the difference is large, the result has the warning `feed_short`."),
+    number("inside_kg", "kg", "Mass in the hopper at the end. This mass has not passed the gate."),
     number("steady_rate_kg_s", "kg/s",
-        "Mean rate in the second half of the time from t = 0 to the end, for a hopper with a feed. Null without a feed, or if \
-         nothing was simulated after t = 0."),
+        "Mean discharge rate of a hopper with a feed, over the second half of the time from t = 0 to the end. Null without a feed. Also \
+         null if nothing was simulated after t = 0."),
     BONDS_INTACT_FRACTION,
     KINETIC_ENERGY_END_J,
     MAX_OVERLAP_RATIO,
     ESCAPED_KG,
     PASSED_THROUGH,
-    number("mean_belt_power_w", "W", "Mean of the series `belt_power` until 80 % of the filled mass is out. With a feed: mean over \
-                                      the second half of the time from t = 0 to the end."),
+    number("mean_belt_power_w", "W",
+        "Mean of the series `belt_power` from t = 0 until 80 % of the filled mass is out. For a hopper with a feed, the mean covers \
+         the second half of the time from t = 0 to the end."),
     number("max_belt_power_w", "W", "Maximum of the series `belt_power`."),
     number("mean_gate_force_n", "N",
-        "Mean force on the surface named `gate` until 80 % of the filled mass is out. With a feed: mean over the second half of the \
-         time from t = 0 to the end. Null without a surface of this name."),
-    number("max_gate_force_n", "N", "Maximum force on the surface named `gate`, over all samples."),
+        "Mean force on the surface with the name `gate`, from t = 0 until 80 % of the filled mass is out. For a hopper with a feed, the \
+         mean covers the second half of the time from t = 0 to the end. Null if no surface has the name `gate`."),
+    number("max_gate_force_n", "N",
+        "Maximum force on the surface with the name `gate`, over all samples. Null if no surface has the name `gate`."),
     WARNING_COUNT,
     WARNING_CODES,
 ];
@@ -134,22 +150,23 @@ const DISCHARGED_MASS: SeriesRow =
     series("discharged_mass", "kg", "Mass that has passed the gate plane.").headline();
 #[rustfmt::skip]
 const MASS_RATE: SeriesRow = series("mass_rate", "kg/s",
-    "Rate, as a mean over a window of 0.25 s around each sample. At the first and last samples, this window is shorter.").headline();
+    "Discharge rate: the mass per second that passes the gate plane, as a mean over 0.25 s around each sample. For the first and the \
+     last samples, the mean covers a shorter time.").headline();
 
 const INSIDE_MASS: SeriesRow =
-    series("inside_mass", "kg", "Mass in the hopper: the mass that has not passed the gate.");
+    series("inside_mass", "kg", "Mass in the hopper. This mass has not passed the gate.");
 
 #[rustfmt::skip]
 const BELT_POWER: SeriesRow = series("belt_power", "W",
-    "Power of all belts at the time of the sample: friction force times belt speed. The power is positive when the belt drives the \
-     fillets.");
+    "Power of all belts at the time of the sample: the friction force times the belt speed. The power is positive when the belts drive \
+     the fillets.");
 
 const RESIDENCE_SHARE: CurveRow = curve(
     "residence_share",
     "1",
     ("residence_time", "s"),
-    "Share of the fillets with at most this residence time, by the estimator of Kaplan and Meier. The curve ends below 1 if the \
-     fillets with the longest times are still inside.",
+    "Share of the fillets that have this residence time or a shorter one, estimated after Kaplan and Meier. The curve ends below 1 if \
+     the fillets with the longest residence times are still inside.",
 );
 
 pub(super) const OUTPUTS: Outputs = Outputs {

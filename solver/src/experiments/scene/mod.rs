@@ -25,41 +25,46 @@ use crate::scenario::{Fault, FreeScene, Scenario};
 #[rustfmt::skip]
 const RESPONSES: &[Response] = &[
     number("time_to_rest_s", "s",
-        "Time at which all bodies came to rest. From this time on, 99.9 % of the sub-particles are slower than `rest_speed_m_s`, for \
-         at least 0.1 s (longer with weak gravity). Null if the bodies did not come to rest.").headline(),
+        "Time at which all bodies came to rest. From this time to the end, 99.9 % of the sub-particles are slower than `rest_speed_m_s`. \
+         This state must last for at least 0.1 s, or for longer if gravity is weak. Null if the bodies did not come to rest.").headline(),
     number("greatest_height_m", "m",
-        "Height of the top of the highest sub-particle at the end, measured from the origin against the direction of gravity. Null if \
-         nothing is left.").headline(),
+        "Height of the top of the highest sub-particle at the end. Roost measures this height from the origin of the coordinates, \
+         against the direction of gravity. Null if no sub-particle is left.").headline(),
     number("interpenetrated_fraction", "",
-        "Share of the sub-particles that lie inside another body at the end. A sub-particle lies inside a body if its centre is in a \
-         cubic cell of the body's lattice. Null if nothing is left."),
-    number("bodies", "", "Number of bodies at the end. A body counts if at least a part of it is left."),
+        "Share of the sub-particles that lie inside another body at the end. The lattice of a body consists of cubic cells with a \
+         sub-particle at each corner. A sub-particle lies inside a body if its centre is in one of these cells. Null if no sub-particle \
+         is left."),
+    number("bodies", "",
+        "Number of bodies at the end. A body counts if at least a part of the body is left."),
     BONDS_INTACT_FRACTION,
     KINETIC_ENERGY_END_J,
     MAX_OVERLAP_RATIO,
     ESCAPED_KG,
     PASSED_THROUGH,
-    number("max_surface_force_n", "N", "Maximum force on a surface, over all surfaces and samples; null without surfaces."),
-    number("max_surface_torque_n_m", "N·m", "Maximum torque on a surface, over all surfaces and samples; null without surfaces."),
+    number("max_surface_force_n", "N",
+        "Maximum force on a single surface: the maximum over all surfaces and all samples. Null if the scene has no surfaces."),
+    number("max_surface_torque_n_m", "N·m",
+        "Maximum torque on a single surface: the maximum over all surfaces and all samples. Null if the scene has no surfaces."),
     number("mean_power_w", "W", "Mean of the series `power`."),
     number("max_power_w", "W", "Maximum of the series `power`."),
     WARNING_COUNT,
     WARNING_CODES,
 ];
 
-const MASS: SeriesRow = series("mass", "kg", "Mass of all bodies that have not left the simulation.");
+const MASS: SeriesRow = series("mass", "kg", "Mass of all sub-particles that have not left the simulation.");
 #[rustfmt::skip]
 const POWER: SeriesRow = series("power", "W",
-    "Power of all belts and moving surfaces at the time of the sample: their work per second on the bodies. For a belt, the power is \
-     the friction force times the belt speed.");
+    "Power of all belts and moving surfaces together, at the time of the sample: the work per second of these surfaces on the bodies. \
+     For a belt, the power is the friction force times the belt speed.");
 
 const OVER: (&str, &str) = ("body", "1");
 #[rustfmt::skip]
 const POSITIONS: [CurveRow; 3] = [
-    curve("position_x", "m", OVER, "Position along x of the centre of mass of each body at the end. Bodies are numbered from 0. The \
-                                    curve omits bodies that left the simulation."),
-    curve("position_y", "m", OVER, "Position along y of the centre of mass of each body at the end."),
-    curve("position_z", "m", OVER, "Position along z of the centre of mass of each body at the end."),
+    curve("position_x", "m", OVER,
+        "Position along x of each body's centre of mass at the end. The numbers of the bodies start at 0. The curve omits bodies that \
+         left the simulation."),
+    curve("position_y", "m", OVER, "Position along y of each body's centre of mass at the end."),
+    curve("position_z", "m", OVER, "Position along z of each body's centre of mass at the end."),
 ];
 
 #[rustfmt::skip]

@@ -29,12 +29,14 @@ const MARGIN_M: f64 = 0.1;
 #[rustfmt::skip]
 const RESPONSES: &[Response] = &[
     number("critical_angle_deg", "°",
-        "Tilt at which the fillet begins to slide and does not stop again. Rolling also counts as sliding. Null if the fillet did \
-         not slide up to `max_tilt_deg`.").headline(),
-    number("friction_angle_deg", "°", "Angle at which an ideal block slides: atan μ, with the coefficient of friction μ of \
-                                       `fillet_equipment`.").headline(),
-    boolean("slid", "Whether the fillet slid. If true, `critical_angle_deg` is not null."),
-    boolean("rolled_over", "Whether the fillet rolled over: at some time its upper side faced the plate."),
+        "Tilt of the plate at which the fillet begins to slide and does not stop again. Rolling also counts as sliding. Null if the \
+         fillet did not slide at any tilt up to `max_tilt_deg`.").headline(),
+    number("friction_angle_deg", "°",
+        "Tilt at which an ideal rigid block slides: atan μ. The coefficient of friction μ is \
+         `/contact/fillet_equipment/static_friction`.").headline(),
+    boolean("slid", "Whether the fillet slid. If the fillet did not slide, `critical_angle_deg` is null."),
+    boolean("rolled_over",
+        "Whether the fillet rolled over. A fillet has rolled over if, at any time, its upper side faced the plate."),
     BONDS_INTACT_FRACTION,
     WARNING_COUNT,
     WARNING_CODES,
@@ -46,7 +48,7 @@ const SLIDING_SPEED: SeriesRow = series("sliding_speed", "m/s",
     "Speed of the fillet's centre of mass down the plate, relative to the plate.").headline();
 #[rustfmt::skip]
 const DISPLACEMENT: SeriesRow = series("displacement", "m",
-    "Displacement of the fillet's centre of mass down the plate since t = 0.").headline();
+    "Distance that the fillet's centre of mass has moved down the plate since t = 0.").headline();
 
 pub(super) const OUTPUTS: Outputs = Outputs {
     responses: RESPONSES,

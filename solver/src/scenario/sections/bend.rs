@@ -38,16 +38,16 @@ pub enum Support {
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     choice("/bend/support", &["over_bar", "off_ledge", "clamped"], "section 2.3.2",
-        "Support of the fillet. `over_bar`: a bar, over which both ends hang. `off_ledge`: a conveyor, which carries the fillet over \
-         the conveyor's end. `clamped`: a clamp at the blunt end."),
+        "Support of the fillet. `over_bar`: the fillet hangs over a bar. `off_ledge`: a conveyor carries the fillet over the conveyor's \
+         end. `clamped`: a clamp holds the blunt end of the fillet."),
     number("/bend/bar_radius_m", "m", 0.02, from_to(0.002, 1.0), "assumed",
-        "Radius of the bar, or of the roller at the conveyor's end."),
+        "Radius of the bar. For `off_ledge`: radius of the roller at the conveyor's end."),
     number("/bend/belt_speed_m_s", "m/s", 0.25, from_to(0.0, 10.0), "section 2.4",
-        "Speed of the conveyor, for `off_ledge`."),
+        "Speed of the conveyor. Only the support `off_ledge` uses this field."),
     number("/bend/clamped_share", "", 0.25, between(0.0, 1.0), "assumed",
-        "Share of the fillet's length that the clamp holds, for `clamped`."),
+        "Share of the fillet's length that the clamp holds. Only the support `clamped` uses this field."),
     number("/bend/scatter_deg", "°", 0.0, from_to(0.0, 45.0), "assumed",
-        "Maximum random deviation of the fillet's yaw. The random numbers depend on `/seed`."),
+        "Maximum random deviation of the fillet's yaw, the rotation about the vertical axis. The random numbers depend on `/seed`."),
 ];
 
 /// The experiment in documents.

@@ -51,33 +51,35 @@ const STRENGTH: Range = above_to(0.0, 1e300);
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     choice("/bonds/formulation", &["corotated", "as_published", "finite_extension"], "eq. 6",
-        "Rule for the bond force. `corotated`: the force turns with the bond. `as_published`: the force keeps its direction. \
-         `finite_extension`: as `corotated`, but the bond becomes stiffer before it breaks."),
+        "Rule for the force of a bond. `corotated`: when the bond turns, the force turns with the bond. `as_published`: when the bond \
+         turns, the force keeps its direction. `finite_extension`: as `corotated`, but the bond also becomes stiffer before it breaks."),
     integer("/bonds/types", 2, from_to(1.0, 2.0), "section 2.2",
-        "Number of types of sub-particles (Fig. 2). With two types, bonds join only sub-particles of different types. The two types \
-         alternate, so these bonds lie along the edges of the lattice. With one type, bonds also lie along the diagonals that are \
-         shorter than twice the contact radius."),
+        "Number of types of sub-particles (Fig. 2). With 2 types, the types alternate on the lattice, and bonds join only sub-particles \
+         of different types. All bonds then lie along the edges of the lattice. With 1 type, bonds also lie along the diagonals of the \
+         lattice that are shorter than twice the contact radius."),
     number("/bonds/normal_stiffness_n_m3", "N/m³", 1e6, above_to(0.0, 1e12), "Table 2",
-        "Stiffness S_n of a bond along its length, per cross-section area of the bond."),
+        "Stiffness S_n of a bond along its length: force per change of length and per cross-section area of the bond."),
     number("/bonds/shear_stiffness_n_m3", "N/m³", 6e5, from_to(0.0, 1e12), "Table 2",
-        "Stiffness S_t of a bond across its length (shear), per cross-section area of the bond."),
+        "Stiffness S_t of a bond across its length (shear): force per sideways displacement and per cross-section area of the bond."),
     field("/bonds/reference_radius_m", FieldKind::Nullable(from_to(5e-4, 0.05)), "m", Preset::Number(0.004), "section 2.2",
-        "Radius R_ref of the sub-particles for which S_n and S_t are given. At another radius R, Roost multiplies S_n and S_t by \
-         R_ref / R, so that the lattice keeps its modulus. Null: Roost uses S_n and S_t unchanged at every radius."),
+        "Radius R_ref of the sub-particles for which S_n and S_t are given. At another radius R, Roost multiplies S_n and S_t by R_ref / \
+         R. The elastic modulus of the lattice then stays the same. Null: Roost uses S_n and S_t unchanged at every radius."),
     number("/bonds/contact_radius_ratio", "", 1.732, above_to(1.0, 1.732), "Table 2",
-        "Contact radius divided by the radius of a sub-particle. A bond breaks when it is longer than twice the contact radius. Keep \
-         the ratio below √3."),
+        "Contact radius divided by the radius R of a sub-particle. The contact radius limits the length of a bond: a bond breaks when \
+         its length exceeds twice the contact radius."),
     number("/bonds/disk_scale", "", 1.0, above_to(0.0, 2.0), "assumed",
-        "Radius R_b of the cross-section of a bond, divided by the radius R of a sub-particle."),
+        "Radius R_b of the circular cross-section of a bond, divided by the radius R of a sub-particle."),
     number("/bonds/moment_stiffness_factor", "", 0.0, from_to(0.0, 10.0), "assumed",
-        "Factor of the bending and twisting stiffness of a bond. 0: bonds carry no moments, as in the paper. 1: the bending stiffness \
-         is S_n I and the twisting stiffness is S_t J, as for the parallel bond of Potyondy and Cundall 2004. I and J are the second \
-         moments of area of the bond's cross-section, for bending and twisting."),
+        "Factor for the stiffness of a bond against bending and twisting. With the value 0, bonds resist neither bending nor twisting, \
+         as in the paper. With the value 1, the bending stiffness is S_n I, and the twisting stiffness is S_t J. The parallel bond of \
+         Potyondy and Cundall (2004) has the same stiffnesses. I and J are the second moments of area of the bond's cross-section: I for \
+         bending, J for twisting."),
     flag("/bonds/contact_between_bonded", true, "assumed",
-        "Whether a contact force also acts between two sub-particles that a bond joins. The commercial software that the paper used \
-         computes this force."),
+        "True: two sub-particles that a bond joins also have a contact force between them, in addition to the force of the bond. The \
+         commercial software that the authors of the paper used computes this contact force. False: only the bond acts between these two \
+         sub-particles."),
     nullable("/bonds/normal_strength_pa", "Pa", STRENGTH, "Table 2 has 1e300",
-        "Stress along a bond at which the bond breaks. Null: stress along the bond never breaks the bond."),
+        "Stress along a bond at which the bond breaks. Null: this stress has no limit."),
     nullable("/bonds/shear_strength_pa", "Pa", STRENGTH, "Table 2 has 1e300",
-        "Shear stress at which a bond breaks. Null: shear stress never breaks the bond."),
+        "Shear stress at which a bond breaks. Null: this stress has no limit."),
 ];

@@ -38,16 +38,17 @@ pub enum Plates {
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     field("/compress/lattice", FieldKind::Counts(from_to(1.0, 200.0)), "", Preset::Counts([10, 10, 3]), "section 2.3.2",
-        "Numbers of sub-particles of the block along x, y and z. With a radius of 1.75 mm, a block of 10 × 10 × 3 sub-particles \
+        "Numbers of sub-particles of the block along x, y and z. For example, with R = 1.75 mm, a block of 10 × 10 × 3 sub-particles \
          measures 35 × 35 × 10.5 mm."),
     number("/compress/strain_rate_1_s", "1/s", 0.05, above_to(0.0, 10.0), "assumed",
-        "Strain rate. The paper compresses a block of 10 mm height at 1 mm/min. This speed is a strain rate of 0.0017 1/s."),
+        "Strain rate: change of the strain per second. The paper compresses a block of 10 mm height at 1 mm/min. This speed is a strain \
+         rate of 0.0017 1/s."),
     number("/compress/max_strain", "", 0.06, above_to(0.0, 0.5), "Fig. 6",
-        "Strain at which the test ends. The strain counts from the moment at which the stress becomes positive."),
+        "Strain at which the test ends. The strain is 0 at the moment at which the stress becomes positive."),
     number("/compress/modulus_from_strain", "", 0.0, from_to(0.0, 0.5), "section 3.1",
-        "Start of the strain range to which the modulus is fitted."),
+        "Lower end of the strain range in which Roost determines the modulus."),
     number("/compress/modulus_to_strain", "", 0.03, above_to(0.0, 0.5), "section 3.1",
-        "End of the strain range to which the modulus is fitted."),
+        "Upper end of the strain range in which Roost determines the modulus."),
     choice("/compress/plates", &["rough", "frictionless"], "assumed",
         "Kind of the plates. `rough`: plates with the friction of the equipment. `frictionless`: plates without friction."),
 ];

@@ -53,40 +53,41 @@ const SURFACE_ENERGY: Range = from_to(0.0, 10.0);
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     choice("/contact/condition", &["dry", "wet"], "section 2.4",
-        "Surface of the fillets. `wet` changes two defaults: the surface energy between fillets and the friction on the belt. If you \
-         write a value yourself, Roost uses your value."),
+        "Surface of the fillets: dry or wet. The value `wet` changes two defaults: the surface energy between fillets, and the friction \
+         on the belt. If you set one of these two fields yourself, Roost uses your value."),
     nullable("/contact/surface_energy_radius_m", "m", above_to(0.0, 0.05), "assumed",
-        "Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, the energy is γ R/R₀. The \
-         maximum pull per area of equipment is then 3πγ/(4 R₀). Like the pull of a liquid film, it does not depend on R. Null: the \
-         energy is γ at every radius."),
+        "Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, Roost uses the energy γ R/R₀. \
+         The maximum pull per area of equipment is then 3πγ/(4 R₀). This pull does not depend on R, just as the pull of a liquid film \
+         does not depend on R. Null: Roost uses γ unchanged at every radius."),
     number("/contact/fillet_fillet/static_friction", "", 0.1, FRICTION, "Table 2",
         "Coulomb coefficient of friction between fillets."),
     number("/contact/fillet_fillet/restitution", "", 1e-4, RESTITUTION, "Table 2",
-        "Coefficient of restitution between fillets."),
+        "Coefficient of restitution between fillets: rebound speed divided by impact speed."),
     number("/contact/fillet_fillet/surface_energy_j_m2", "J/m²", 0.055, SURFACE_ENERGY, "Table 2",
-        "Surface energy γ between fillets. Wet: the surface tension of water at 20 °C (assumed).")
+        "Surface energy γ between fillets: half of the energy per area that separates two fillets. The default for wet fillets is the \
+         surface tension of water at 20 °C (assumed).")
         .wet(0.0728),
     number("/contact/fillet_fillet_radius_ratio", "", 1.0, RADIUS_RATIO, "assumed",
         "Radius of a sub-particle in contacts with other fillets, divided by `/product/subparticle_radius_m`. With the value 1, a \
-         sub-particle of one fillet can slip between the sub-particles of another fillet. With the value 1.225, a sub-particle is \
-         too large to slip through.")
+         sub-particle of one fillet can slip between the sub-particles of another fillet. With the value 1.225, a sub-particle is too \
+         large to slip into another fillet.")
         .by_name(),
     number("/contact/fillet_equipment/static_friction", "", 0.5, FRICTION, "Table 2",
-        "Coulomb coefficient of friction on walls, gates and plates. The coefficient is equal for dry and wet fillets (Fig. 8b)."),
+        "Coulomb coefficient of friction on walls, gates and plates. Dry and wet fillets have the same coefficient (Fig. 8b)."),
     same_as("/contact/fillet_fillet/restitution",
         "/contact/fillet_equipment/restitution", "", RESTITUTION, "Table 2",
         "Coefficient of restitution on walls, gates and plates."),
     same_as("/contact/fillet_fillet/surface_energy_j_m2",
         "/contact/fillet_equipment/surface_energy_j_m2", "J/m²", SURFACE_ENERGY, "Table 2",
-        "Surface energy γ on walls, gates and plates."),
+        "Surface energy γ between fillets and walls, gates or plates."),
     number("/contact/fillet_belt/static_friction", "", 0.5, FRICTION, "assumed",
-        "Coulomb coefficient of friction on the belt. The paper did not measure this coefficient. Dry: the value for a steel plate. \
-         Wet: a value so low that the belt slips under the fillets, as section 3.4 reports.")
+        "Coulomb coefficient of friction on the belt. The paper did not measure this coefficient. The default for dry fillets is the \
+         value for a steel plate. The default for wet fillets is so low that the belt slips under the fillets, as section 3.4 reports.")
         .wet(0.2),
     same_as("/contact/fillet_fillet/restitution",
         "/contact/fillet_belt/restitution", "", RESTITUTION, "assumed",
         "Coefficient of restitution on the belt."),
     same_as("/contact/fillet_fillet/surface_energy_j_m2",
         "/contact/fillet_belt/surface_energy_j_m2", "J/m²", SURFACE_ENERGY, "assumed",
-        "Surface energy γ on the belt."),
+        "Surface energy γ between fillets and the belt."),
 ];

@@ -26,15 +26,17 @@ pub struct Drop {
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/drop/speed_m_s", "m/s", 2.0, from_to(0.0, 30.0), "Fig. 11",
-        "Downward speed of the fillets when they reach the plate. A free fall of 0.2 m gives 2 m/s."),
+        "Downward speed of the fillets when they reach the plate. For example, a free fall of 0.2 m gives 2 m/s."),
     number("/drop/yaw_deg", "°", 0.0, ANGLE, "Fig. 10",
         "Yaw: rotation about the vertical axis. If yaw, pitch and roll are 0, the fillet lies flat with its length along x."),
     number("/drop/pitch_deg", "°", 0.0, ANGLE, "Fig. 10",
-        "Pitch: rotation about the fillet's width, after the yaw. At 90° the fillet falls tail first."),
+        "Pitch: rotation about the axis along the fillet's width. Roost applies the pitch after the yaw. At 90°, the fillet falls with \
+         its tail first."),
     number("/drop/roll_deg", "°", 0.0, ANGLE, "Fig. 10",
-        "Roll: rotation about the fillet's length, after the pitch. At 90° the fillet falls on its side."),
+        "Roll: rotation about the axis along the fillet's length. Roost applies the roll after the pitch. At 90°, the fillet falls on \
+         its side."),
     number("/drop/scatter_deg", "°", 0.0, SCATTER, "assumed",
-        "Maximum random deviation of the yaw, pitch and roll of each fillet from `yaw_deg`, `pitch_deg` and `roll_deg`. The random \
+        "Maximum random deviation of each fillet's yaw, pitch and roll from the angles `yaw_deg`, `pitch_deg` and `roll_deg`. The random \
          numbers depend on `/seed`."),
 ];
 

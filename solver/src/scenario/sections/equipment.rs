@@ -57,41 +57,44 @@ pub enum SideWalls {
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/equipment/gate_opening_m", "m", 0.06, from_to(0.001, 5.0), "Fig. 5",
-        "Height of the gate's lower edge above the belt. If `parametric` is false, this field has no effect: see `opening_height_m`. \
-         Roost then accepts only the default and the value of `opening_height_m`.")
+        "Height of the gate's lower edge above the belt. If `parametric` is false, `gate_opening_m` has no effect: set \
+         `opening_height_m` instead. Roost then refuses a value of `gate_opening_m` that is neither the default nor equal to \
+         `opening_height_m`.")
         .acts_from_start(),
     number("/equipment/hopper_width_m", "m", 0.59, from_to(0.01, 10.0), "derived",
-        "Inner width of the hopper across the belt (y), derived from the paper's discharge of 33.2 kg in 4 s."),
+        "Inner width of the hopper across the belt (along y). The default is derived from the paper's discharge of 33.2 kg in 4 s."),
     number("/equipment/hopper_length_m", "m", 0.30, from_to(0.01, 10.0), "derived",
-        "Inner length of the hopper along the belt (x), measured at the belt."),
+        "Inner length of the hopper along the belt (along x), measured at the height of the belt."),
     number("/equipment/hopper_height_m", "m", 0.5, from_to(0.01, 10.0), "assumed",
         "Height of the hopper walls above the belt."),
     number("/equipment/wall_slope_deg", "°", 0.0, from_to(0.0, 80.0), "assumed",
-        "Angle between the back wall and the vertical; the hopper widens upwards."),
+        "Angle between the back wall and the vertical. If the angle is above 0, the hopper widens upwards."),
     choice("/equipment/side_walls", &["rough", "frictionless", "periodic"], "section 2.4",
         "Kind of the two walls along the belt. `rough`: walls with the friction of the equipment. `frictionless`: walls without \
-         friction, for a slice of a wide hopper. `periodic`: no walls; a fillet that leaves on one side enters on the other side."),
+         friction, for a slice (narrow part) of a wide hopper. `periodic`: no walls. With `periodic`, a fillet that leaves on one side \
+         enters on the other side."),
     number("/equipment/belt_speed_m_s", "m/s", 0.25, from_to(0.0, 10.0), "section 2.4",
-        "Speed of the belt from t = 0 on. The paper's belt runs at 15 m/min. If `parametric` is false, the speed of the belt comes \
-         from `surfaces`.")
+        "Speed of the belt from t = 0 on. The paper's belt runs at 15 m/min. If `parametric` is false, the velocity of the belt in \
+         `surfaces` replaces this field.")
         .acts_from_start(),
     flag("/equipment/shutter_while_filling", true, "assumed",
-        "Whether a shutter closes the opening until the belt starts."),
+        "Whether a shutter closes the opening under the gate until the belt starts."),
     number("/equipment/feed_kg_s", "kg/s", 0.0, from_to(0.0, 1000.0), "assumed",
-        "Mass per second of the fillets that enter from above, from t = 0 on. The fillets start at the height `hopper_height_m`, at \
-         random positions where they touch nothing. 0: no feed."),
+        "Feed: mass per second of the fillets that enter from above after t = 0. These fillets start at the height `hopper_height_m`, at \
+         random positions where they touch nothing. With the value 0, there is no feed."),
     flag("/equipment/parametric", true, "assumed",
-        "True: Roost makes the belt, the walls, the gate and the shutter from the fields of this table. False: the hopper consists \
-         only of `surfaces`."),
+        "True: Roost makes the belt, the walls, the gate and the shutter from the fields of this table. False: the hopper consists only \
+         of the items of `surfaces`."),
     flag("/equipment/surface_loads", false, "numerics",
-        "Whether the result has the series of force and torque on each surface. With these series, the result is ten times as large \
-         as without the series."),
+        "Whether the result has series of the force and the torque on each surface. A result with these series is ten times as large as \
+         a result without these series."),
     nullable("/equipment/opening_width_m", "m", from_to(0.001, 10.0), "assumed",
-        "Inner width of the opening under the gate, if `parametric` is false. Null: the result has no belt capacity and no `regime`.")
+        "Inner width of the opening under the gate. Set this field if `parametric` is false. Null: Roost then computes neither the belt \
+         capacity nor `regime`.")
         .acts_from_start(),
     nullable("/equipment/opening_height_m", "m", from_to(0.001, 5.0), "assumed",
-        "Height of the gate's lower edge above the belt, if `parametric` is false. Null: the result has no belt capacity and no \
-         `regime`.")
+        "Height of the gate's lower edge above the belt. Set this field if `parametric` is false. Null: Roost then computes neither the \
+         belt capacity nor `regime`.")
         .acts_from_start(),
 ];
 
@@ -102,10 +105,11 @@ pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     question: "Does the hopper discharge evenly, discharge unevenly, or jam?",
     sections: &[
         section("/equipment", Some("hopper"),
-            "This section describes the hopper, the gate and the belt. The dimensions of Fig. 5 are derived from other numbers of \
-             the paper."),
+            "This section describes the hopper, the gate and the belt. Roost derives the dimensions of the hopper in Fig. 5 from other \
+             numbers of the paper."),
         list("/equipment/surfaces", "/scene/surfaces/*", MAX_SURFACES, Some("hopper"),
-            "This list has further surfaces, with the same fields as `/scene/surfaces`."),
+            "This list has further surfaces, such as parts from a CAD model. The fields are the same as in `/scene/surfaces` of the \
+             experiment `scene`."),
     ],
     fields: FIELDS,
     takes: &[

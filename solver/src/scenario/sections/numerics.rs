@@ -74,43 +74,45 @@ const TIME: Range = above_to(0.0, 600.0);
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     field("/numerics/timestep_s", FieldKind::NumberOrAuto(from_to(1e-9, 0.1)), "s", Preset::Number(5.75e-5), "Table 2",
-        "Time step. `auto`: Roost computes a time step safely below the stability limit, from stiffness, mass, damping and the speed \
-         at the start."),
+        "Time step of the simulation. Above the stability limit, the simulation becomes unstable. `auto`: Roost computes a time step \
+         safely below this limit, from stiffness, mass, damping and the speed at the start."),
     number("/numerics/duration_s", "s", 6.0, TIME, "numerics",
-        "Simulated time from t = 0 on. At t = 0 the belt or the test starts.")
+        "Simulated time from t = 0 to the end. At t = 0, the belt or the test starts.")
         .acts_from_start()
         .by_name(),
     number("/numerics/output_interval_s", "s", 0.02, above_to(0.0, 0.1), "numerics",
         "Time between two samples of the series."),
     number("/numerics/jam_after_s", "s", 1.0, TIME, "numerics",
-        "A hopper has jammed when nothing passes the gate for this time, while at least 5 % of the filled mass is inside. If \
-         `when_jammed_s` is shorter than this time, Roost uses `when_jammed_s` instead.")
+        "Minimum time of a stoppage that counts as a jam. A hopper has jammed when nothing passes the gate for this time, while at least \
+         5 % of the filled mass is inside. If `when_jammed_s` is shorter than this time, Roost uses `when_jammed_s` instead.")
         .acts_from_start()
         .by_name(),
     flag("/numerics/stop/when_empty", true, "numerics",
-        "Whether the simulation ends when nothing is left. In a hopper, every fillet has then passed the gate. In a scene, every \
-         body has then left the simulated space.")
+        "Whether the simulation ends when no body is left. In a hopper, every fillet has then passed the gate. In a scene, every body \
+         has then left the simulated space.")
         .acts_from_start()
         .by_name(),
     nullable("/numerics/stop/when_jammed_s", "s", TIME, "numerics",
-        "The simulation ends when nothing has passed the gate for this time, even if little mass is left inside. Null: a jam does not \
-         end the simulation.")
+        "If nothing passes the gate for this time, the simulation ends. The simulation then ends even if little mass is left inside. \
+         Null: a jam does not end the simulation.")
         .acts_from_start()
         .by_name(),
     flag("/numerics/stop/when_done", true, "numerics",
-        "Whether the simulation ends as soon as its result is known. For example: the fillets rest, the fillet slides, or the block \
-         is compressed.")
+        "Whether the simulation ends as soon as its result is known. For example, the result is known when the fillets rest, when the \
+         fillet slides, or when the block is compressed.")
         .acts_from_start()
         .by_name(),
     number("/numerics/gravity_m_s2", "m/s²", 9.81, from_to(0.0, 100.0), "assumed",
-        "Acceleration of gravity, downwards. The default in `compress` is 0, because the weight of the block would distort the curve."),
+        "Acceleration of gravity. In `compress`, the default is 0, because the weight of the block would distort the curve of stress \
+         over strain."),
     number("/numerics/rest_speed_m_s", "m/s", 0.05, above_to(0.0, 1.0), "numerics",
-        "The fillets are at rest when 99.9 % of the sub-particles are slower than this speed. Then the belt or the test starts."),
+        "Speed limit for rest: the bodies are at rest when 99.9 % of the sub-particles are slower than this speed. In `hopper`, `bend` \
+         and `slide`, t = 0 is the moment at which the bodies have come to rest. The experiment `compress` does not use this field."),
     number("/numerics/max_fill_s", "s", 10.0, TIME, "numerics",
-        "If the fillets are not at rest after this time, the simulation ends.")
+        "Maximum time for the fillets to come to rest. If the fillets are not at rest after this time, the simulation ends before t = 0.")
         .by_name(),
     number("/numerics/speed_limit_m_s", "m/s", 30.0, from_to(1.0, 10_000.0), "numerics",
-        "If a sub-particle is faster than this speed, the simulation ends as `unstable`."),
+        "Maximum speed of a sub-particle. If a sub-particle is faster, the simulation ends with the end reason `unstable`."),
     flag("/numerics/allow_unstable", false, "numerics",
-        "Whether Roost accepts a time step above the stability limit. Use the value true only to study stability."),
+        "Whether Roost accepts a time step above the stability limit. Use the value true only to study the stability."),
 ];

@@ -67,36 +67,39 @@ const SIZES_M: &[[f64; 3]] = &[[0.144, 0.072, 0.040], [0.172, 0.072, 0.032], [0.
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     integer("/product/count", 191, from_to(1.0, 100_000.0), "section 2.4",
-        "Number of fillets. If `shape` is null, Roost uses all sizes and their mirror images in turn: fillet i has the shape i mod \
-         (2 · number of sizes). The paper's drop test has 15 fillets of each of six shapes (section 2.3.3).")
+        "Number of fillets. If `shape` is null, the fillets take all shapes in turn. For example, with six shapes, the fillets with the \
+         numbers 0, 6 and 12 have shape 0. The paper's drop test has 15 fillets of each of six shapes (section 2.3.3).")
         .by_name_or(Preset::Integer(1)),
     field("/product/sizes_m", FieldKind::Sizes(from_to(0.005, 2.0)), "m", Preset::Sizes(SIZES_M), "Table 1",
-        "Length, width and thickness of each size.")
+        "Length, width and thickness of each size of fillet.")
         .by_name(),
     field("/product/shape", FieldKind::NullableInteger(from_to(0.0, 63.0)), "", Preset::Null, "Fig. 1",
-        "Shape of all fillets: 2 · (number of the size in `sizes_m`, counted from 0), plus 1 for the mirror image. Null: Roost uses \
-         all shapes in turn.")
+        "Number of the shape of all fillets. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3 to the second size, \
+         and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in turn.")
         .by_name(),
     field("/product/mesh", FieldKind::Mesh, "", Preset::Null, "section 2.2",
-        "A closed mesh (STL file) as the shape of all fillets. The mesh replaces the teardrop shapes of `sizes_m`.")
+        "Closed mesh (triangles from an STL file) that gives all fillets their shape. Null: the fillets are teardrops with the sizes in \
+         `sizes_m`.")
         .by_name(),
     flag("/product/spheres", false, "assumed",
-        "True: each body is one sphere of radius `subparticle_radius_m` and density `density_kg_m3`, without bonds. Use the value \
-         true for grains, and for comparisons with other programs. False: bodies have the shapes of `sizes_m` or `mesh`.")
+        "True: each body is a single sphere without bonds. The sphere has the radius `subparticle_radius_m` and the density \
+         `density_kg_m3`. Use the value true for grains, and for comparisons with other programs. False: bodies have the shapes of \
+         `sizes_m` or `mesh`.")
         .by_name(),
     number("/product/scale", "", 1.0, from_to(0.05, 20.0), "Fig. 12",
-        "Factor by which the lengths of bodies and sub-particles are multiplied."),
+        "Factor for the size of the bodies. Roost multiplies the lengths of the bodies and the radius of the sub-particles by this \
+         factor."),
     number("/product/subparticle_radius_m", "m", 0.004, from_to(5e-4, 0.05), "section 2.2",
-        "Radius R of a sub-particle. The centres of neighbouring sub-particles have the distance 2R. With half the radius, a body \
-         has eight times as many sub-particles."),
+        "Radius R of a sub-particle. The centres of neighbouring sub-particles are 2R apart. If you halve the radius, a body has eight \
+         times as many sub-particles."),
     choice("/product/fill", &["centres", "whole_spheres"], "assumed",
-        "Rule that decides which lattice points become sub-particles. `centres`: the points inside the shape. `whole_spheres`: the \
-         points whose whole sphere of radius R is inside the shape.")
+        "Rule that selects the points of the lattice (cubic grid) at which a body has sub-particles. `centres`: all points inside the \
+         shape. `whole_spheres`: only the points whose whole sphere of radius R is inside the shape.")
         .by_name(),
     nullable("/product/subparticle_density_kg_m3", "kg/m³", DENSITY, "Table 2 has 2200",
-        "Density of a sub-particle. If you set this field, do not set `density_kg_m3`. The paper states both densities, but the two \
-         values contradict each other."),
+        "Density of a sub-particle. Set this field or `density_kg_m3`, but not both. The paper states a value for each of the two \
+         densities, but these two values contradict each other."),
     field("/product/density_kg_m3", FieldKind::Nullable(DENSITY), "kg/m³", Preset::Number(940.0), "Table 2",
-        "Density of a body: the mass of the body divided by its volume. The value is null if you set `subparticle_density_kg_m3`.")
+        "Density of a body: the mass of the body divided by its volume. If you set `subparticle_density_kg_m3`, this field is null.")
         .yields_to("/product/subparticle_density_kg_m3"),
 ];

@@ -39,19 +39,21 @@ pub struct BodySpec {
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     vector("/scene/gravity_direction", "", Preset::Vector([0.0, 0.0, -1.0]), from_to(-1.0, 1.0), "assumed",
-        "Direction of gravity, as a vector. The length of this vector has no effect, because `/numerics/gravity_m_s2` sets the \
+        "Direction of gravity, as a vector. The length of the vector has no effect, because `/numerics/gravity_m_s2` sets the \
          acceleration."),
     number("/scene/margin_m", "m", 0.5, above_to(0.0, 10.0), "numerics",
-        "Distance from the bounding box of the scene at the start. A sub-particle that is farther outside this box leaves the \
-         simulation."),
+        "Margin around the scene. The simulated space is the bounding box of the scene at the start, enlarged on all sides by this \
+         margin. A sub-particle that goes out of the simulated space leaves the simulation."),
     integer("/scene/bodies/*/shape", 0, from_to(0.0, 63.0), "Fig. 1",
-        "Shape of the body: 2 · (number of the size in `/product/sizes_m`, counted from 0), plus 1 for the mirror image."),
+        "Number of the body's shape. Shapes 0 and 1 belong to the first size in `/product/sizes_m`, shapes 2 and 3 to the second size, \
+         and so on. A shape with an odd number is a mirror image."),
     vector("/scene/bodies/*/position_m", "m", Preset::Required, PLACE, "assumed",
         "Position of the body's centre of mass at the start."),
     vector("/scene/bodies/*/orientation_deg", "°", ORIGIN, ANGLE, "assumed",
-        "Rotation of the body: yaw about z, then pitch about its width, then roll about its length."),
+        "Rotation of the body by three angles: first yaw (about z), then pitch (about the body's width), then roll (about the body's \
+         length)."),
     vector("/scene/bodies/*/velocity_m_s", "m/s", ORIGIN, SPEED, "assumed",
-        "Velocity at the start."),
+        "Velocity of the body at the start."),
 ];
 
 /// The experiment in documents.
@@ -64,7 +66,8 @@ pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
         list("/scene/bodies", "/scene/bodies/*", MAX_BODIES, Some("scene"),
             "This list has the bodies, with their shape, position, orientation and velocity."),
         list("/scene/surfaces", "/scene/surfaces/*", MAX_SURFACES, Some("scene"),
-            "This list has the surfaces. The triangles of a surface move together."),
+            "This list has the surfaces, with their triangles, position, contact parameters and motion. The triangles of a surface move \
+             together."),
     ],
     fields: FIELDS,
     takes: &[

@@ -24,13 +24,13 @@ pub struct Slide {
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/slide/tilt_rate_deg_s", "°/s", 3.0, from_to(0.1, 30.0), "section 2.3.2",
-        "Angular speed at which the plate is tilted. Above 6 °/s, the error of the measured angle grows."),
+        "Angular speed at which the plate tilts. Above 6 °/s, the error of the response `critical_angle_deg` grows."),
     number("/slide/max_tilt_deg", "°", 60.0, from_to(1.0, 89.0), "assumed",
-        "Maximum tilt of the plate."),
+        "Maximum tilt of the plate. At this tilt, the simulation ends."),
     number("/slide/yaw_deg", "°", 0.0, ANGLE, "assumed",
-        "Direction of the fillet on the plate. At 0°, the length of the fillet points up the slope."),
+        "Yaw of the fillet: its direction on the plate. At 0°, the length of the fillet points up the slope."),
     number("/slide/scatter_deg", "°", 0.0, SCATTER, "assumed",
-        "Maximum random deviation of the fillet's yaw. The random numbers depend on `/seed`."),
+        "Maximum random deviation of the fillet's yaw from `yaw_deg`. The random numbers depend on `/seed`."),
 ];
 
 /// The experiment in documents.

@@ -89,28 +89,30 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     field("/scene/surfaces/*/name", FieldKind::Text, "", Preset::Required, "assumed",
         "Name of the surface in messages and series. Two surfaces must not have the same name."),
     field("/scene/surfaces/*/mesh", FieldKind::Mesh, "", Preset::Null, "assumed",
-        "Triangles from an STL file. Give either `mesh` or `plate_m`. If the normals of a closed part point outwards, the part is \
-         solid. If a closed box contains the fillets, its normals must point inwards."),
+        "Triangles of the surface, from an STL file. Set either `mesh` or `plate_m`. If the normals of a closed part point outwards, the \
+         part is solid. If fillets are inside a closed box, the normals of the box must point inwards."),
     field("/scene/surfaces/*/plate_m", FieldKind::Plate(PLACE), "m", Preset::Null, "assumed",
-        "A flat parallelogram: a corner, and two edges as vectors from this corner."),
+        "Flat plate (parallelogram), instead of `mesh`: one corner, and two edges as vectors from this corner."),
     choice("/scene/surfaces/*/kind", &["equipment", "belt", "frictionless"], "Table 2",
-        "Contact parameters of the surface. `equipment`: the parameters of `/contact/fillet_equipment`. `belt`: the parameters of \
-         `/contact/fillet_belt`. `frictionless`: as `equipment`, but without friction."),
+        "Kind of the surface, which selects its contact parameters. `equipment`: the parameters of `/contact/fillet_equipment`. `belt`: \
+         the parameters of `/contact/fillet_belt`. `frictionless`: as `equipment`, but without friction."),
     nullable("/scene/surfaces/*/static_friction", "", FRICTION, "assumed",
-        "Coulomb coefficient of friction of this surface. Null: the coefficient of its `kind`."),
+        "Coulomb coefficient of friction of this surface. Null: the coefficient follows from `kind`."),
     vector("/scene/surfaces/*/position_m", "m", ORIGIN, PLACE, "assumed",
-        "Position of the surface: the point at which the origin of its triangles is placed."),
+        "Position of the surface. Roost moves the origin of the surface's triangles to this position."),
     vector("/scene/surfaces/*/orientation_deg", "°", ORIGIN, ANGLE, "assumed",
-        "Rotation of the surface about `position_m`: yaw, pitch and roll."),
+        "Rotation of the surface about `position_m` by three angles: first yaw (about z), then pitch (about the turned y axis), then \
+         roll (about the turned x axis)."),
     choice("/scene/surfaces/*/motion", &["fixed", "belt", "moving"], "assumed",
-        "Motion from t = 0 on. `fixed`: no motion. `belt`: the surface stays in its place, and its material runs like a belt. \
-         `moving`: the surface moves and turns."),
+        "Motion of the surface from t = 0 on. `fixed`: no motion. `belt`: the surface stays in its place, but its material runs like a \
+         belt. `moving`: the whole surface moves and turns."),
     vector("/scene/surfaces/*/velocity_m_s", "m/s", ORIGIN, SPEED, "assumed",
-        "With the motion `belt`: velocity of the material. With the motion `moving`: velocity of the pivot."),
+        "For the motion `belt`: velocity of the belt's material. For the motion `moving`: velocity of the pivot."),
     vector("/scene/surfaces/*/spin_deg_s", "°/s", ORIGIN, from_to(-36_000.0, 36_000.0), "assumed",
-        "With the motion `moving`: angular velocity about the pivot."),
+        "For the motion `moving`: angular velocity of the surface about the pivot, as a vector."),
     vector("/scene/surfaces/*/pivot_m", "m", ORIGIN, PLACE, "assumed",
-        "With the motion `moving`: position at t = 0 of the pivot, the point about which the surface turns."),
+        "For the motion `moving`: the pivot is the point about which the surface turns. This field is the position of the pivot at t = \
+         0."),
     choice("/scene/surfaces/*/presence", &["always", "until_start"], "assumed",
-        "Time during which the surface exists. `always`: the whole simulation. `until_start`: until t = 0, like a shutter."),
+        "Time during which the surface exists. `always`: during the whole simulation. `until_start`: only before t = 0, like a shutter."),
 ];
