@@ -14,8 +14,8 @@ use crate::target;
 /// Compare two design points of a sweep
 ///
 /// A design point is one combination of the values of all factors of a sweep. The command prints the mean of each response at both
-/// points, and the difference of the two means with its 95 % interval. If both points have runs with the same seeds, Roost computes
-/// the interval from the differences between runs with the same seed.
+/// points, and the difference of the two means with its 95 % interval. If the runs of both points have the same seeds, Roost
+/// computes the interval from the differences between runs with the same seed.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep

@@ -16,8 +16,8 @@ use crate::target;
 /// A factor is an input that the sweep varies. A response is a number in the results. To compute an effect, Roost fits a straight
 /// line to the response as a function of the factor. The effect is the change of the response along this line, from the minimum to
 /// the maximum of the factor. The table also has Spearman's rank correlation ρ and its p-value p. With other seeds, the effect would
-/// be a little different. The 95 % interval shows how large this difference may be. Roost computes the interval only from the seeds
-/// that all design points have in common.
+/// be different. The 95 % interval shows how large this difference may be. If all design points have the same seeds, Roost computes
+/// the interval from runs with the same seed.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep

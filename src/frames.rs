@@ -18,8 +18,9 @@ const MB: f64 = 1e6;
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Frames")]
 pub(crate) struct FrameArgs {
-    /// Write frames into this folder. A frame has the positions of all bodies at one moment. The file frames.pvd is for the program
-    /// ParaView, and the file run.roostframes is for the player of the dashboard. The command replaces the frames of an earlier run
+    /// Write frames into this folder. A frame has the positions of all sub-particles at one moment. The file frames.pvd is for the
+    /// program ParaView, and the file run.roostframes is for the player of the dashboard. The command replaces the frames of an
+    /// earlier run
     #[arg(long, value_name = "DIR")]
     frames: Option<PathBuf>,
     /// Simulated time between two frames. Roost rounds this time to a multiple of the field numerics.output_interval_s of the

@@ -48,8 +48,8 @@ enum Action {
 /// New values of a project.
 #[derive(Clone, Copy, Debug, clap::Args)]
 struct Values {
-    /// Share of the project, from 1 to 1000; a new project has 1. With a share of 2, workers take twice as many jobs of this project
-    /// as of a project with a share of 1
+    /// Share of the project, from 1 to 1000; a new project has 1. While two projects have queued jobs of the same priority, workers
+    /// take twice as many jobs of a project with a share of 2 as of a project with a share of 1
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SHARE)))]
     share: Option<u32>,
     /// Budget of the project: the total number of core-hours that it may use, or `none` for no limit. A core-hour is one thread that

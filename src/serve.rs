@@ -13,8 +13,9 @@ use crate::interval::interval;
 
 /// Run the server: the queue, the sweeps and the HTTP API
 ///
-/// The server keeps its data in the data folder. On SIGTERM or Ctrl-C, the server answers the requests that it has received, and
-/// exits. While the server is stopped, workers continue their running jobs. They deliver the results when the server runs again.
+/// By default, the server keeps all its data in the data folder. On SIGTERM or Ctrl-C, the server answers the requests that it has
+/// received, and exits. While the server is stopped, workers continue their running jobs. They deliver the results when the server
+/// runs again.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]

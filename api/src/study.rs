@@ -124,7 +124,7 @@ pub struct StudyBudget {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BudgetChange {
-    /// The new maximum number of runs; not below the present one.
+    /// The new maximum number of runs; above the present one.
     pub max_runs: u32,
 }
 

@@ -141,7 +141,7 @@ class BudgetChange(TypedDict):
     """A change of a study's budget."""
 
     max_runs: int
-    """The new maximum number of runs; not below the present one."""
+    """The new maximum number of runs; above the present one."""
 
 
 class CheckpointOrder(TypedDict):

@@ -34,7 +34,7 @@ pub(crate) struct Cancel {
 pub(crate) struct Budget {
     #[command(flatten)]
     target: Target,
-    /// New maximum number of runs; it must be at least the present maximum
+    /// New maximum number of runs; it must be above the present maximum
     #[arg(value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     max_runs: u32,
 }

@@ -63,7 +63,7 @@ pub(super) struct Args {
     /// The default scenario has sub-particles of 4 mm radius
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
-    /// Measure nothing. Write each bed as `NAME.csv` and `NAME_bonds.csv` into this folder
+    /// Measure nothing. Write each settled bed as `NAME.csv` and `NAME_bonds.csv` into this folder
     #[arg(long, value_name = "DIR")]
     write: Option<PathBuf>,
     /// Print JSON: one row for each combination of bed, path and number of threads

@@ -167,7 +167,7 @@ pub(super) const ESCAPED_KG: Response = number(
     "escaped_kg",
     "kg",
     "Mass that left the simulated space. In a hopper, mass that passed the gate does not count. Examples are fragments (broken parts of \
-     fillets) and fillets that fell beside the equipment. If no body leaves by intention, this mass is 0 in a correct simulation.",
+     fillets) and fillets that fell beside the equipment. If no body leaves on purpose, this mass is 0 in a correct simulation.",
 );
 pub(super) const PASSED_THROUGH: Response = number(
     "passed_through",

@@ -22,7 +22,7 @@ const PHYSICS: &[Section] = &[
     section("/bonds", None, "This section describes the bonds between the sub-particles of a body."),
     section("/contact", None, "This section describes the contacts of sub-particles with each other and with the equipment."),
     section("/contact/fillet_fillet", None,
-        "These values apply to contacts between the sub-particles of fillets."),
+        "These values apply to contacts between two sub-particles."),
     section("/contact/fillet_equipment", None, "These values apply to contacts of sub-particles with walls, gates and plates."),
     section("/contact/fillet_belt", None, "These values apply to contacts of sub-particles with a belt. Not every experiment has a belt."),
 ];

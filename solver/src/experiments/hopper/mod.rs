@@ -39,8 +39,9 @@ const RESPONSES: &[Response] = &[
     word("regime",
         "Kind of discharge, from the ratio q (the response `lowest_rate_ratio`). `no_flow`: q is below 0.15, and less than 95 % of the \
          filled mass is out. `inconsistent` (uneven): q is below 0.55 in all other cases. `constant`: q is 0.55 or more. `outrun`: the \
-         belt at its capacity would empty the hopper within 0.5 s, so q has no meaning. `too_short`: less than 4 s were simulated, less \
-         than 80 % of the filled mass is out, and no jam ended the simulation. Null if the belt capacity is null or 0.").headline(),
+         belt at its capacity would empty the hopper within 0.5 s, so q has no meaning. `too_short`: less than 4 s were simulated after \
+         t = 0, less than 80 % of the filled mass is out, and the simulation did not end with an empty or jammed hopper. Null if the belt \
+         capacity is null or 0.").headline(),
     number("effective_throughput_kg_s", "kg/s",
         "95 % of the filled mass, divided by the time at which this mass was out. Null if less than 95 % of the filled mass came out. \
          The paper gives a throughput of 7.6 kg/s, but no definition. The definition of this response is therefore an assumption.").headline(),
@@ -87,7 +88,8 @@ const RESPONSES: &[Response] = &[
     number("belt_capacity_kg_s", "kg/s",
         "Rate that the belt carries when the opening under the gate is full: `bulk_density_kg_m3` × `belt_speed_m_s` × `hopper_width_m` \
          × `gate_opening_m`. If `parametric` is false, the rate is `bulk_density_kg_m3` × speed of the belt's surface × \
-         `opening_width_m` × `opening_height_m`. Null if one of these factors is unknown, or if the belt stands still."),
+         `opening_width_m` × `opening_height_m`. Null if the belt speed or the opening is unknown, or if the belt does not run out of the \
+         hopper."),
     number("lowest_rate_ratio", "",
         "The ratio q: the lowest discharge rate, divided by `belt_capacity_kg_s`. The lowest rate is the minimum of the running mean \
          over 1 s, from t = 0.5 s until 80 % of the filled mass is out."),
@@ -104,14 +106,14 @@ const RESPONSES: &[Response] = &[
         "Mean residence time of the fillets that left. The residence time of a fillet runs from t = 0 until its centre of mass passes \
          the gate plane. For a fillet of the feed, the residence time starts when this fillet enters.").headline(),
     number("residence_5_percent_s", "s",
-        "Residence time of the fastest fillets: 5 % of the fillets have this residence time or a shorter one. The estimate after Kaplan \
+        "5th percentile of the residence time: 5 % of the fillets have this residence time or a shorter one. The method of Kaplan \
          and Meier also counts the fillets that are still inside. The residence time of such a fillet is longer than its time in the \
          hopper so far."),
     number("residence_median_s", "s",
         "Median residence time: 50 % of the fillets have this residence time or a shorter one. Null if the curve `residence_share` \
          ends below 50 %."),
     number("residence_95_percent_s", "s",
-        "Residence time of the slowest fillets: 95 % of the fillets have this residence time or a shorter one. Null if the curve \
+        "95th percentile of the residence time: 95 % of the fillets have this residence time or a shorter one. Null if the curve \
          `residence_share` ends below 95 %."),
     number("fillets_remaining", "",
         "Number of fillets in the hopper at the end. The centre of mass of these fillets has not passed the gate plane."),
@@ -138,10 +140,10 @@ const RESPONSES: &[Response] = &[
          the second half of the time from t = 0 to the end."),
     number("max_belt_power_w", "W", "Maximum of the series `belt_power`."),
     number("mean_gate_force_n", "N",
-        "Mean force on the surface with the name `gate`, from t = 0 until 80 % of the filled mass is out. For a hopper with a feed, the \
+        "Mean force on the surface with the name `gate`, after t = 0, until 80 % of the filled mass is out. For a hopper with a feed, the \
          mean covers the second half of the time from t = 0 to the end. Null if no surface has the name `gate`."),
     number("max_gate_force_n", "N",
-        "Maximum force on the surface with the name `gate`, over all samples. Null if no surface has the name `gate`."),
+        "Maximum force on the surface with the name `gate`, over all samples after t = 0. Null if no surface has the name `gate`."),
     WARNING_COUNT,
     WARNING_CODES,
 ];
@@ -165,7 +167,7 @@ const RESIDENCE_SHARE: CurveRow = curve(
     "residence_share",
     "1",
     ("residence_time", "s"),
-    "Share of the fillets that have this residence time or a shorter one, estimated after Kaplan and Meier. The curve ends below 1 if \
+    "Share of the fillets that have this residence time or a shorter one, by the method of Kaplan and Meier. The curve ends below 1 if \
      the fillets with the longest residence times are still inside.",
 );
 

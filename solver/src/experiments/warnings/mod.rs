@@ -69,7 +69,7 @@ const ESCAPED_MASS: WarningKind = kind(
     "escaped_mass",
     "`escaped_kg` is above 0: mass left the simulated space.",
     "In the frames (the stored positions of the sub-particles), look for gaps between surfaces, tissue that sinks through surfaces, and \
-     fragments. In a scene, bodies may leave by intention.",
+     fragments. In a scene, bodies may leave on purpose.",
 );
 const PASSED_THROUGH: WarningKind = kind(
     "passed_through",
@@ -113,8 +113,8 @@ pub(super) const TEST_NEVER_BEGAN: WarningKind = kind(
 pub(super) const NO_REGIME: WarningKind = kind(
     "no_regime",
     "The capacity of the belt is unknown, or the belt stands still. The response `regime` is then null.",
-    "If /equipment/parametric is false, set opening_width_m and opening_height_m. Also add a surface with the motion \"belt\" that \
-     passes the gate plane x = 0. All belts that pass this plane must have the same speed.",
+    "If /equipment/parametric is false, set /equipment/opening_width_m and /equipment/opening_height_m. Also add a surface with \
+     the motion \"belt\" that passes the gate plane x = 0. All belts that pass this plane must have the same speed.",
 );
 
 /// A feed that did not bring its mass.

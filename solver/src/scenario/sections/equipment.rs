@@ -89,12 +89,12 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "Whether the result has series of the force and the torque on each surface. A result with these series is ten times as large as \
          a result without these series."),
     nullable("/equipment/opening_width_m", "m", from_to(0.001, 10.0), "assumed",
-        "Inner width of the opening under the gate. Set this field if `parametric` is false. Null: Roost then computes neither the belt \
-         capacity nor `regime`.")
+        "Inner width of the opening under the gate, if `parametric` is false. If this field is then null, Roost computes neither the belt \
+         capacity nor `regime`. If `parametric` is true, this field must be null.")
         .acts_from_start(),
     nullable("/equipment/opening_height_m", "m", from_to(0.001, 5.0), "assumed",
-        "Height of the gate's lower edge above the belt. Set this field if `parametric` is false. Null: Roost then computes neither the \
-         belt capacity nor `regime`.")
+        "Height of the gate's lower edge above the belt, if `parametric` is false. If this field is then null, Roost computes neither the \
+         belt capacity nor `regime`. If `parametric` is true, this field must be null.")
         .acts_from_start(),
 ];
 
@@ -105,8 +105,8 @@ pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     question: "Does the hopper discharge evenly, discharge unevenly, or jam?",
     sections: &[
         section("/equipment", Some("hopper"),
-            "This section describes the hopper, the gate and the belt. Roost derives the dimensions of the hopper in Fig. 5 from other \
-             numbers of the paper."),
+            "This section describes the hopper, the gate and the belt. The default width and length of the hopper (Fig. 5) are derived \
+             from other numbers of the paper."),
         list("/equipment/surfaces", "/scene/surfaces/*", MAX_SURFACES, Some("hopper"),
             "This list has further surfaces, such as parts from a CAD model. The fields are the same as in `/scene/surfaces` of the \
              experiment `scene`."),

@@ -74,10 +74,10 @@ const TIME: Range = above_to(0.0, 600.0);
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     field("/numerics/timestep_s", FieldKind::NumberOrAuto(from_to(1e-9, 0.1)), "s", Preset::Number(5.75e-5), "Table 2",
-        "Time step of the simulation. Above the stability limit, the simulation becomes unstable. `auto`: Roost computes a time step \
+        "Time step of the simulation. Above the stability limit, the simulation can become unstable. `auto`: Roost computes a time step \
          safely below this limit, from stiffness, mass, damping and the speed at the start."),
     number("/numerics/duration_s", "s", 6.0, TIME, "numerics",
-        "Simulated time from t = 0 to the end. At t = 0, the belt or the test starts.")
+        "Maximum simulated time after t = 0. At t = 0, the belt or the test starts.")
         .acts_from_start()
         .by_name(),
     number("/numerics/output_interval_s", "s", 0.02, above_to(0.0, 0.1), "numerics",
