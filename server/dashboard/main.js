@@ -14,6 +14,7 @@ const PAGES = [
   [/^\/studies\/([^/]+)$/, "study"],
   [/^\/jobs\/([^/]+)$/, "job"],
   [/^\/workers$/, "workers"],
+  [/^\/projects$/, "projects"],
   [/^\/compare$/, "compare"],
   [/^\/submit$/, "submit"],
 ];

@@ -14,6 +14,7 @@ mod modules;
 mod page;
 mod playback;
 mod plots;
+mod projects;
 mod studies;
 mod submit;
 mod visits;

@@ -20,7 +20,7 @@ use crate::state::App;
 
 /// Routes of the pages.
 pub(super) const PAGES: &[&str] =
-    &["/", "/sweeps/{id}", "/studies", "/studies/{id}", "/jobs/{id}", "/workers", "/compare", "/submit"];
+    &["/", "/sweeps/{id}", "/studies", "/studies/{id}", "/jobs/{id}", "/workers", "/projects", "/compare", "/submit"];
 
 /// The hash is that of an empty style: plotly.js removes styles by setting empty attributes.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
