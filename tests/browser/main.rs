@@ -61,7 +61,15 @@ fn sweep_runs_from_the_form_to_its_plots() {
     let job = playback::plays(&sandbox, &mut page, &sweep);
     let jobs = sandbox.get(&format!("/v1/sweeps/{sweep}/jobs?limit=2"));
     let pair = format!("/compare?jobs={},{}", text(&jobs["items"][0]["id"]), text(&jobs["items"][1]["id"]));
-    let paths = ["/", &format!("/sweeps/{sweep}"), &format!("/jobs/{job}"), "/workers", &pair, "/submit"];
+    let paths = [
+        "/",
+        &format!("/sweeps/{sweep}"),
+        &format!("/jobs/{job}"),
+        "/workers",
+        "/projects",
+        &pair,
+        "/submit",
+    ];
     audit_pages(&mut page, &paths);
 }
 

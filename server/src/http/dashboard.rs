@@ -19,8 +19,17 @@ use super::session;
 use crate::state::App;
 
 /// Routes of the pages.
-pub(super) const PAGES: &[&str] =
-    &["/", "/sweeps/{id}", "/studies", "/studies/{id}", "/jobs/{id}", "/workers", "/projects", "/compare", "/submit"];
+pub(super) const PAGES: &[&str] = &[
+    "/",
+    "/sweeps/{id}",
+    "/studies",
+    "/studies/{id}",
+    "/jobs/{id}",
+    "/workers",
+    "/projects",
+    "/compare",
+    "/submit",
+];
 
 /// The hash is that of an empty style: plotly.js removes styles by setting empty attributes.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \

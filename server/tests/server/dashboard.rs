@@ -42,7 +42,8 @@ async fn every_page_has_a_policy_without_inline_or_evaluated_code() {
     let (server, _dir) = TestServer::start().await;
     let id = "01890000-0000-7000-8000-000000000000";
     let (sweep, study, job) = (format!("/sweeps/{id}"), format!("/studies/{id}"), format!("/jobs/{id}"));
-    for path in ["/", &sweep, "/studies", &study, &job, "/workers", "/compare?jobs=", "/submit"] {
+    for path in ["/", &sweep, "/studies", &study, &job, "/workers", "/projects", "/compare?jobs=", "/submit"]
+    {
         let page = fetch(&server, path).await;
         assert_eq!(page.status(), 200, "{path}");
         assert_eq!(page.headers()[CONTENT_TYPE], "text/html; charset=utf-8");
