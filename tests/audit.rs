@@ -76,6 +76,9 @@ fn every_change_and_refusal_is_one_log_line() {
     let sweep = json!({"name": "audited", "base": hopper_scenario(0.1), "design": {"kind": "grid"}});
     let worker = json!({"worker_id": "01890000-0000-7000-8000-00000000000a", "name": "w", "api_version": "1", "backend": "cpu",
         "solver_revision": 1, "device": "none", "threads": 1});
+    let study = json!({"schema": "roost.study/1", "name": "audited", "base": hopper_scenario(0.1),
+        "factors": [{"pointer": "/equipment/gate_opening_m", "low": 0.05, "high": 0.06}],
+        "goal": {"boundary": {"of": {"probability": "jammed"}, "level": 0.05}}, "budget": {"max_runs": 1500}});
     let mut expected = Vec::new();
     let mut act = |action: &'static str, method: &str, path: &str, body: Option<&Value>| {
         let answered = ask(&sandbox, method, path, admin, body);
@@ -101,6 +104,15 @@ fn every_change_and_refusal_is_one_log_line() {
     act("cancel", "POST", &format!("{sweep}/cancel"), None);
     act("delete", "DELETE", &sweep, None);
     act("prune", "POST", "/v1/prune?older_than_s=1e9", None);
+    let study = act("submit", "POST", "/v1/studies", Some(&study)).location.unwrap();
+    act("pause", "POST", &format!("{study}/pause"), None);
+    act("resume", "POST", &format!("{study}/resume"), None);
+    act("change", "POST", &format!("{study}/budget"), Some(&json!({"max_runs": 2000})));
+    let wider = json!([{"pointer": "/equipment/gate_opening_m", "low": 0.04, "high": 0.06}]);
+    act("change", "POST", &format!("{study}/ranges"), Some(&json!({"ranges": wider})));
+    act("ask", "POST", &format!("{study}/ask"), Some(&json!({"count": 0})));
+    act("tell", "POST", &format!("{study}/tell"), Some(&json!({"outcomes": []})));
+    act("cancel", "POST", &format!("{study}/cancel"), None);
     act("drain", "POST", "/v1/workers/01890000-0000-7000-8000-00000000000b/drain", None);
     // An unknown query parameter does not suppress the line.
     act("submit", "POST", "/v1/jobs?dry_run=true", Some(&json!({"scenario": hopper_scenario(0.2)})));
@@ -108,7 +120,10 @@ fn every_change_and_refusal_is_one_log_line() {
     let statuses: Vec<_> = expected.iter().map(|row| row.3).collect();
     assert_eq!(
         statuses,
-        [202, 201, 422, 200, 200, 200, 200, 200, 409, 200, 200, 200, 404, 202, 200],
+        [
+            202, 201, 422, 200, 200, 200, 200, 200, 409, 200, 200, 200, 201, 200, 200, 200, 200, 422, 422,
+            200, 404, 202, 200
+        ],
         "{expected:?}"
     );
     // None of these requests changes data of users.

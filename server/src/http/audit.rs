@@ -69,12 +69,15 @@ fn forwarded_for(headers: &HeaderMap) -> Option<String> {
 /// The action of a request in the log; none for requests that change no data of users.
 fn action(method: &Method, route: &str) -> Option<&'static str> {
     let action = match (method.as_str(), route) {
-        ("POST", "/v1/jobs" | "/v1/sweeps" | "/v1/sweeps/{id}/extend") => "submit",
+        ("POST", "/v1/jobs" | "/v1/sweeps" | "/v1/sweeps/{id}/extend" | "/v1/studies") => "submit",
         ("POST", "/v1/meshes") => "upload",
-        ("POST", "/v1/jobs/{id}/cancel" | "/v1/sweeps/{id}/cancel") => "cancel",
+        ("POST", "/v1/jobs/{id}/cancel" | "/v1/sweeps/{id}/cancel" | "/v1/studies/{id}/cancel") => "cancel",
         ("POST", "/v1/jobs/{id}/retry" | "/v1/sweeps/{id}/retry") => "retry",
-        ("POST", "/v1/jobs/{id}/pause" | "/v1/sweeps/{id}/pause") => "pause",
-        ("POST", "/v1/jobs/{id}/resume" | "/v1/sweeps/{id}/resume") => "resume",
+        ("POST", "/v1/jobs/{id}/pause" | "/v1/sweeps/{id}/pause" | "/v1/studies/{id}/pause") => "pause",
+        ("POST", "/v1/jobs/{id}/resume" | "/v1/sweeps/{id}/resume" | "/v1/studies/{id}/resume") => "resume",
+        ("POST", "/v1/studies/{id}/budget" | "/v1/studies/{id}/ranges") => "change",
+        ("POST", "/v1/studies/{id}/ask") => "ask",
+        ("POST", "/v1/studies/{id}/tell") => "tell",
         ("DELETE", "/v1/sweeps/{id}") => "delete",
         ("POST", "/v1/prune") => "prune",
         ("POST", "/v1/workers/{id}/drain") => "drain",
