@@ -1,8 +1,8 @@
 //! A seeded simulation of the queue: the real store against a model that predicts every step.
 //!
 //! `world` simulates users, workers, the network and the clock: lost replies to claims; lost, repeated and late deliveries; workers that
-//! die or lose their connection; restarts; clocks that are set. `model` has the rules of the API and knows no SQL. After every step both
-//! must agree on every job, and at the end every job must have ended.
+//! die or lose their connection; restarts; clocks that are set. `model` has the rules of the API and knows no SQL. After every step, or every
+//! fourth with PostgreSQL, both must agree on every job, and at the end every job must have ended.
 //!
 //! `ROOST_SEED=17 cargo test -p roost-server simulation -- --nocapture` repeats the run of one seed and prints its steps.
 //! `ROOST_SEEDS=100000` runs more seeds, from `ROOST_FIRST_SEED` on.
