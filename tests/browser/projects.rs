@@ -7,7 +7,7 @@ use super::support::{Sandbox, hopper_scenario, stdout, wait_until};
 
 #[test]
 fn projects_show_their_shares_budgets_and_jobs() {
-    let mut sandbox = Sandbox::new();
+    let sandbox = Sandbox::new();
     let _server = sandbox.start_server();
     let data = sandbox.path("data").display().to_string();
     stdout(&sandbox.roost(&["project", "create", "steel", "--data", &data, "--share", "3"]));
@@ -19,8 +19,9 @@ fn projects_show_their_shares_budgets_and_jobs() {
     let token = token("spent");
     wait_until("the server asks for tokens", || sandbox.answers("/v1/sweeps", 401).then_some(()));
     let file = sandbox.file("scenario.json", &hopper_scenario(0.2));
-    sandbox.set_variable("ROOST_TOKEN", &token);
-    stdout(&sandbox.roost(&["submit", &file]));
+    let token_file = sandbox.path("token");
+    std::fs::write(&token_file, &token).unwrap();
+    stdout(&sandbox.roost(&["submit", &file, "--token-file", &token_file.display().to_string()]));
 
     let mut page = Page::new(&sandbox.address);
     page.open("/projects");
