@@ -127,7 +127,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .value((steps.total > 0).then_some(steps.rises as f64), steps.total);
         row.demand(Demand::AtMost(0.0)).note(format!(
             "of {} steps between neighbouring pairs of the grid at which all bonds stay intact; a rise counts only if it exceeds the \
-             remaining swings of both angles. The maximum rise in a step, counted or not, is {}°",
+             sum of the remaining swings at both pairs. The maximum rise in a step, counted or not, is {}°",
             steps.total,
             rounded(steps.maximum_rise_deg, 1)
         ))

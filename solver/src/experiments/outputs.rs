@@ -153,7 +153,7 @@ impl CurveRow {
 pub(super) const BONDS_INTACT_FRACTION: Response = number(
     "bonds_intact_fraction",
     "",
-    "Share of unbroken bonds among all bonds. Bonds that were unbroken when they left the simulation count as unbroken.",
+    "Share of unbroken bonds among all bonds. If a sub-particle leaves the simulated space, its unbroken bonds count as unbroken.",
 );
 pub(super) const MAX_OVERLAP_RATIO: Response = number(
     "max_overlap_ratio",

@@ -55,8 +55,8 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
          turns, the force keeps its direction. `finite_extension`: as `corotated`, but the bond also becomes stiffer before it breaks."),
     integer("/bonds/types", 2, from_to(1.0, 2.0), "section 2.2",
         "Number of types of sub-particles (Fig. 2). With 2 types, the types alternate on the lattice, and bonds join only sub-particles \
-         of different types. All bonds then lie along the edges of the lattice. With 1 type, bonds also lie along the diagonals of the \
-         lattice that are shorter than twice the contact radius."),
+         of different types. All bonds then lie along the edges of the lattice. With 1 type, bonds also lie along diagonals of the \
+         lattice. A diagonal has a bond if it is shorter than 2 R times `/bonds/contact_radius_ratio`."),
     number("/bonds/normal_stiffness_n_m3", "N/m³", 1e6, above_to(0.0, 1e12), "Table 2",
         "Stiffness S_n of a bond along its length: force per change of length and per cross-section area of the bond."),
     number("/bonds/shear_stiffness_n_m3", "N/m³", 6e5, from_to(0.0, 1e12), "Table 2",
@@ -76,7 +76,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
          bending, J for twisting."),
     flag("/bonds/contact_between_bonded", true, "assumed",
         "True: two sub-particles that a bond joins also have a contact force between them, in addition to the force of the bond. The \
-         commercial software that the authors of the paper used computes this contact force. False: only the bond acts between these two \
+         commercial software of the paper's authors computes this contact force as well. False: only the bond acts between these two \
          sub-particles."),
     nullable("/bonds/normal_strength_pa", "Pa", STRENGTH, "Table 2 has 1e300",
         "Stress along a bond at which the bond breaks. Null: this stress has no limit."),
