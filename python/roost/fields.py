@@ -238,8 +238,8 @@ class Bonds(TypedDict, total=False):
 
     contact_between_bonded: bool
     """True: two sub-particles that a bond joins also have a contact force between them, in addition to the force of the
-    bond. The commercial software that the authors of the paper used computes this contact force. False: only the bond
-    acts between these two sub-particles. Source: assumed. Default: true."""
+    bond. The commercial software of the paper's authors computes this contact force as well. False: only the bond acts
+    between these two sub-particles. Source: assumed. Default: true."""
     contact_radius_ratio: float
     """Contact radius divided by the radius R of a sub-particle. The contact radius limits the length of a bond: a bond
     breaks when its length exceeds twice the contact radius. Source: Table 2. Default: 1.732. Range: > 1 and ≤ 1.732."""
@@ -274,8 +274,8 @@ class Bonds(TypedDict, total=False):
     types: int
     """Number of types of sub-particles (Fig. 2). With 2 types, the types alternate on the lattice, and bonds join only
     sub-particles of different types. All bonds then lie along the edges of the lattice. With 1 type, bonds also lie
-    along the diagonals of the lattice that are shorter than twice the contact radius. Source: section 2.2. Default: 2.
-    Range: ≥ 1 and ≤ 2."""
+    along diagonals of the lattice. A diagonal has a bond if it is shorter than 2 R times `/bonds/contact_radius_ratio`.
+    Source: section 2.2. Default: 2. Range: ≥ 1 and ≤ 2."""
 
 
 class HopperContact(TypedDict, total=False):
@@ -668,9 +668,9 @@ class HopperProduct(TypedDict, total=False):
     """Factor for the size of the bodies. Roost multiplies the lengths of the bodies and the radius of the sub-particles
     by this factor. Source: Fig. 12. Default: 1.0. Range: ≥ 0.05 and ≤ 20."""
     shape: int | None
-    """Number of the shape of all fillets. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3 to the
-    second size, and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in turn.
-    Source: Fig. 1. Default: null. Range: ≥ 0 and ≤ 63."""
+    """All fillets have the shape with this number. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3
+    to the second size, and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in
+    turn. Source: Fig. 1. Default: null. Range: ≥ 0 and ≤ 63."""
     sizes_m: Sequence[Sequence[float]]
     """Length, width and thickness of each size of fillet. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04],
     [0.172, 0.072, 0.032], [0.176, 0.072, 0.04]]."""
@@ -709,9 +709,9 @@ class DropProduct(TypedDict, total=False):
     """Factor for the size of the bodies. Roost multiplies the lengths of the bodies and the radius of the sub-particles
     by this factor. Source: Fig. 12. Default: 1.0. Range: ≥ 0.05 and ≤ 20."""
     shape: int | None
-    """Number of the shape of all fillets. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3 to the
-    second size, and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in turn.
-    Source: Fig. 1. Default: null. Range: ≥ 0 and ≤ 63."""
+    """All fillets have the shape with this number. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3
+    to the second size, and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in
+    turn. Source: Fig. 1. Default: null. Range: ≥ 0 and ≤ 63."""
     sizes_m: Sequence[Sequence[float]]
     """Length, width and thickness of each size of fillet. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04],
     [0.172, 0.072, 0.032], [0.176, 0.072, 0.04]]."""
@@ -742,9 +742,9 @@ class BendProduct(TypedDict, total=False):
     """Factor for the size of the bodies. Roost multiplies the lengths of the bodies and the radius of the sub-particles
     by this factor. Source: Fig. 12. Default: 1.0. Range: ≥ 0.05 and ≤ 20."""
     shape: int | None
-    """Number of the shape of all fillets. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3 to the
-    second size, and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in turn.
-    Source: Fig. 1. Default: 2. Range: ≥ 0 and ≤ 63."""
+    """All fillets have the shape with this number. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3
+    to the second size, and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in
+    turn. Source: Fig. 1. Default: 2. Range: ≥ 0 and ≤ 63."""
     sizes_m: Sequence[Sequence[float]]
     """Length, width and thickness of each size of fillet. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04],
     [0.172, 0.072, 0.032], [0.176, 0.072, 0.04]]."""
@@ -775,9 +775,9 @@ class SlideProduct(TypedDict, total=False):
     """Factor for the size of the bodies. Roost multiplies the lengths of the bodies and the radius of the sub-particles
     by this factor. Source: Fig. 12. Default: 1.0. Range: ≥ 0.05 and ≤ 20."""
     shape: int | None
-    """Number of the shape of all fillets. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3 to the
-    second size, and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in turn.
-    Source: Fig. 1. Default: 2. Range: ≥ 0 and ≤ 63."""
+    """All fillets have the shape with this number. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3
+    to the second size, and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in
+    turn. Source: Fig. 1. Default: 2. Range: ≥ 0 and ≤ 63."""
     sizes_m: Sequence[Sequence[float]]
     """Length, width and thickness of each size of fillet. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04],
     [0.172, 0.072, 0.032], [0.176, 0.072, 0.04]]."""
