@@ -156,7 +156,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         Row::new(
             NAME,
             format!(
-                "slope of the stress in the last 3 % of strain divided by the slope in the first 3 %, up to a strain of {END}"
+                "slope of the stress in the last 3 % of strain before the end at a strain of {END}, divided by the slope in the first 3 %"
             ),
             "",
         )

@@ -153,7 +153,7 @@ impl CurveRow {
 pub(super) const BONDS_INTACT_FRACTION: Response = number(
     "bonds_intact_fraction",
     "",
-    "Share of unbroken bonds among all bonds. If a sub-particle leaves the simulated space, its unbroken bonds count as unbroken.",
+    "Share of unbroken bonds among all bonds. A bond that was unbroken when its sub-particle left the simulated space counts as unbroken until the end.",
 );
 pub(super) const MAX_OVERLAP_RATIO: Response = number(
     "max_overlap_ratio",
