@@ -13,15 +13,16 @@ from pathlib import Path
 import pytest
 
 import roost
-from conftest import Fields, physics, slow_hopper
+from conftest import Fields, hopper, physics, slow_hopper
 
 SCRIPT = """
-import json, sys
+import json, sys, time
 import roost
 
 def show(progress):
     if progress.fraction > 0.3:
         print("under way", flush=True)
+        time.sleep(60)  # until SIGINT
 
 try:
     roost.run(json.loads(sys.argv[1]), threads=1, checkpoint=sys.argv[2], progress=show)
@@ -32,9 +33,13 @@ except roost.Interrupted as stop:
 """
 
 
+# Long enough to be interrupted on a fast machine.
+LONG = slow_hopper(5.0)
+
+
 @pytest.fixture(scope="module")
 def undisturbed() -> Fields:
-    return physics(roost.run(slow_hopper(), threads=1, progress=False).document)
+    return physics(roost.run(LONG, threads=1, progress=False).document)
 
 
 def start(arguments: list[str], folder: Path) -> subprocess.Popen[str]:
@@ -55,7 +60,7 @@ def test_the_command_continues_after_ctrl_c_in_python(
 ) -> None:
     folder = tmp_path / "out"
     folder.mkdir()
-    arguments = [sys.executable, "-c", SCRIPT, json.dumps(slow_hopper()), str(folder)]
+    arguments = [sys.executable, "-c", SCRIPT, json.dumps(LONG), str(folder)]
     with start(arguments, tmp_path) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "under way\n"
@@ -65,13 +70,13 @@ def test_the_command_continues_after_ctrl_c_in_python(
     assert (end_reason, responses) == ("cancelled", {}) and samples > 1
     assert (folder / "checkpoint.roost").exists()
     options = ("--backend", "cpu", "--threads", "1", "--checkpoint-every", "1h")
-    assert physics(roost_run(slow_hopper(), *options, folder=folder)) == undisturbed
+    assert physics(roost_run(LONG, *options, folder=folder)) == undisturbed
     assert not (folder / "checkpoint.roost").exists()
 
 
 def test_python_continues_after_ctrl_c_in_the_command(undisturbed: Fields, command: str, tmp_path: Path) -> None:
     file, folder = tmp_path / "scenario.json", tmp_path / "out"
-    file.write_text(json.dumps(slow_hopper()))
+    file.write_text(json.dumps(LONG))
     saved = folder / "checkpoint.roost"
     arguments = [command, "run", str(file), "-o", str(folder), "--backend", "cpu", "--threads", "1"]
     arguments += ["--checkpoint-every", "1h"]
@@ -79,41 +84,41 @@ def test_python_continues_after_ctrl_c_in_the_command(undisturbed: Fields, comma
         assert process.stderr is not None
         while "sub-particles, at most" not in process.stderr.readline():
             assert process.poll() is None
-        time.sleep(0.3)
+        time.sleep(0.5)
         interrupt(process)
     assert saved.exists()
     seen: list[roost.Progress] = []
     result = roost.run(file, threads=1, checkpoint=saved, progress=seen.append)
     assert physics(result.document) == undisturbed
-    assert seen[0].wall_s > 0.1 and not saved.exists()
-
-
-def stop_at(fraction: float) -> Callable[[roost.Progress], None]:
-    def stop(progress: roost.Progress) -> None:
-        if progress.fraction > fraction:
-            raise StopIteration
-
-    return stop
+    # A run from the beginning reports after 0.1 s.
+    assert seen[0].wall_s > 0.3 and not saved.exists()
 
 
 def test_a_checkpoint_of_another_run_is_refused(tmp_path: Path) -> None:
     saved = tmp_path / "new" / "run.roost"
-    with pytest.raises(StopIteration):
-        roost.run(slow_hopper(), threads=1, checkpoint=saved, progress=stop_at(0.3))
-    with pytest.raises(roost.RoostError, match="another scenario.*from_start=True begins at zero"):
-        roost.run(slow_hopper(), threads=1, seed=7, checkpoint=saved, progress=False)
-    seen: list[roost.Progress] = []
+    endless = slow_hopper(500.0)
+    first: list[roost.Progress] = []
+    second: list[roost.Progress] = []
+
+    def stop_late(progress: roost.Progress) -> None:
+        first.append(progress)
+        if len(first) == 10:
+            raise StopIteration
 
     def stop_at_once(progress: roost.Progress) -> None:
-        seen.append(progress)
+        second.append(progress)
         raise StopIteration
 
     with pytest.raises(StopIteration):
-        roost.run(slow_hopper(), threads=1, seed=7, checkpoint=saved, from_start=True, progress=stop_at_once)
-    assert seen[0].fraction < 0.3
+        roost.run(endless, threads=1, checkpoint=saved, progress=stop_late)
+    with pytest.raises(roost.RoostError, match="another scenario.*from_start=True begins at zero"):
+        roost.run(endless, threads=1, seed=7, checkpoint=saved, progress=False)
+    with pytest.raises(StopIteration):
+        roost.run(endless, threads=1, seed=7, checkpoint=saved, from_start=True, progress=stop_at_once)
+    assert second[0].fraction < first[-1].fraction
     saved.write_bytes(b"no checkpoint")
     with pytest.raises(roost.RoostError, match="this is not a checkpoint of Roost"):
-        roost.run(slow_hopper(), threads=1, checkpoint=saved, progress=False)
+        roost.run(endless, threads=1, checkpoint=saved, progress=False)
 
 
 def test_checkpoints_are_written_during_a_run(tmp_path: Path) -> None:
@@ -123,9 +128,12 @@ def test_checkpoints_are_written_during_a_run(tmp_path: Path) -> None:
     def look(progress: roost.Progress) -> None:
         if saved.exists():
             written.add(saved.stat().st_mtime_ns)
+        if len(written) > 2:
+            raise StopIteration
 
-    roost.run(slow_hopper(1.0), threads=1, checkpoint=saved, checkpoint_every=0.1, progress=look)
-    assert len(written) > 2
+    with pytest.raises(StopIteration):
+        roost.run(slow_hopper(500.0), threads=1, checkpoint=saved, checkpoint_every=0.1, progress=look)
+    roost.run(hopper(0.2), threads=1, checkpoint=saved, from_start=True, progress=False)
     assert list(tmp_path.iterdir()) == [], "deleted at the end, and no other file stays"
 
 
@@ -137,5 +145,5 @@ def test_a_checkpoint_that_cannot_be_written_is_a_warning(tmp_path: Path) -> Non
             folder.rmdir()
 
     with pytest.warns(RuntimeWarning, match="the checkpoint was not saved"):
-        result = roost.run(slow_hopper(), threads=1, checkpoint=folder / "run.roost", checkpoint_every=0.3, progress=remove)
+        result = roost.run(LONG, threads=1, checkpoint=folder / "run.roost", checkpoint_every=0.1, progress=remove)
     assert result.end_reason == "duration"

@@ -15,7 +15,7 @@ from .servers import Farm, hopper, slow_hopper
 
 
 def test_a_scenario_becomes_a_result(client: Client, tmp_path: Path) -> None:
-    job = client.submit_job(hopper(), frame_interval_s=0.1, labels={"line": "north"}, cache="bypass").wait(60, progress=False)
+    job = client.submit_job(hopper(), frame_interval_s=0.1, labels={"line": "north"}, cache="bypass").wait(180, progress=False)
     assert job.state == "succeeded", job
     assert job.responses["discharged_kg"] >= 0
     assert job.view["labels"] == {"line": "north"}
@@ -29,13 +29,13 @@ def test_a_scenario_becomes_a_result(client: Client, tmp_path: Path) -> None:
 
 
 def test_a_result_has_tables_of_its_curves(client: Client) -> None:
-    result = client.submit_job(hopper()).wait(60, progress=False).result()
+    result = client.submit_job(hopper()).wait(180, progress=False).result()
     assert result.end_reason == "duration" and result.to_pandas().attrs["units"]["discharged_mass"] == "kg"
 
 
 def test_an_equal_scenario_gets_the_stored_result(client: Client) -> None:
     scenario = hopper(seed=77)
-    first = client.submit_job(scenario).wait(60, progress=False)
+    first = client.submit_job(scenario).wait(180, progress=False)
     again = client.submit_job(scenario)
     assert again.state == "succeeded" and again.view["from_cache"] and again.id != first.id
     assert client.job(again.id).responses == first.responses
@@ -74,10 +74,10 @@ def test_a_job_pauses_resumes_cancels_and_retries(client: Client) -> None:
     assert not job.resume().view.get("paused")
     with pytest.raises(TimeoutError, match="goes on"):
         job.wait(0.3, progress=False)
-    job.cancel().wait(30, progress=False)
+    job.cancel().wait(180, progress=False)
     assert job.state == "cancelled"
-    assert job.retry().state == "queued"
-    assert job.cancel().wait(30, progress=False).state == "cancelled"
+    assert job.retry().state in ("queued", "running")
+    assert job.cancel().wait(180, progress=False).state == "cancelled"
     assert any(other.id == job.id for other in client.jobs(state="cancelled", limit=5))
 
 
@@ -85,7 +85,9 @@ def test_events_follow_a_job_to_its_end(client: Client) -> None:
     job = client.submit_job(hopper(), cache="bypass")
     events = list(job.watch())
     assert events[0].kind == "job"
-    assert [event.data["state"] for event in events if event.kind == "change"][-1:] == ["succeeded"]
+    # A job that ends before the stream begins has no change.
+    changes = [event.data["state"] for event in events if event.kind in ("job", "change")]
+    assert changes[-1] == "succeeded"
     assert job.state == "succeeded"
     assert job.responses == client.job(job.id).responses
 

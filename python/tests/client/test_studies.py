@@ -30,7 +30,7 @@ def question(**fields: Any) -> dict[str, Any]:
 
 
 def test_the_server_answers_with_jobs(client: Client) -> None:
-    study = client.submit_study(question(labels={"line": "north"})).wait(120, progress=False)
+    study = client.submit_study(question(labels={"line": "north"})).wait(180, progress=False)
     assert study.state == "finished" and study.view.get("finished") == "by_budget"
     assert study.sentences and len(study.sweep.results()) == 4
     assert study.answer()["answer"]["finding"]["boundary"]
@@ -38,7 +38,7 @@ def test_the_server_answers_with_jobs(client: Client) -> None:
         study.posterior()
     study.extend(max_runs=5, high={GATE: 0.1})
     assert study.view["runs"]["max_runs"] == 5
-    assert study.wait(120, progress=False).view["runs"]["done"] == 5
+    assert study.wait(180, progress=False).view["runs"]["done"] == 5
     assert study.answer()["factors"][0].get("high") == 0.1
     assert [other.id for other in client.studies(limit=1)] == [study.id] and client.study(study.id).name == "a boundary"
 
@@ -71,7 +71,7 @@ def test_runs_are_given_back_paused_and_cancelled(client: Client) -> None:
     jobs = study.ask_for([{GATE: 0.05}], replicates=2)
     assert len(jobs) == 2 and client.job(jobs[0]).view.get("sweep_id") == study.id
     assert study.pause().state == "paused" and study.resume().state == "running"
-    assert study.cancel().wait(10, progress=False).state == "cancelled"
+    assert study.cancel().wait(180, progress=False).state == "cancelled"
 
 
 def test_a_calibration_brings_its_measurements(client: Client, tmp_path: Path) -> None:
@@ -100,7 +100,7 @@ def test_a_calibration_has_samples(client: Client) -> None:
             "goal": {"calibrate": {"measurements": {"schema": "roost.measurements/1", "name": "lab", "tests": tests}}},
             "budget": {"max_runs": 4},
         }
-    ).wait(120, progress=False)
+    ).wait(180, progress=False)
     samples = study.posterior()
     assert list(samples.columns) == ["static_friction"] and samples.attrs["pointers"] == {"static_friction": friction}
     assert 0.2 <= samples.static_friction.min() <= samples.static_friction.max() <= 0.8 and len(samples) > 100

@@ -24,7 +24,7 @@ GATE, FRICTION = "gate_opening_m", "static_friction"
 
 @pytest.fixture(scope="module")
 def sweep(client: Client, sweep_document: dict[str, Any]) -> Sweep:
-    sweep = client.submit_sweep(sweep_document).wait(120, progress=False)
+    sweep = client.submit_sweep(sweep_document).wait(180, progress=False)
     assert sweep.view["counts"]["succeeded"] == 8, sweep
     return sweep
 
@@ -202,7 +202,7 @@ def test_a_sweep_is_extended_resubmitted_watched_and_deleted(client: Client, swe
     document["name"] = "again"
     document["factors"] = [{"pointer": "/equipment/gate_opening_m", "levels": numpy.array([0.04, 0.08])}]
     path = tmp_path / "sweep.json"
-    again = client.submit_sweep(document, priority=1).wait(60, progress=False)
+    again = client.submit_sweep(document, priority=1).wait(180, progress=False)
     extended = again.extend(levels={"/equipment/gate_opening_m": [0.06]}, replicates=1)
     assert extended.view["points"] == 3 and extended.view["replicates"] == 3
     kinds = [event.kind for event in extended.watch()]
@@ -211,7 +211,7 @@ def test_a_sweep_is_extended_resubmitted_watched_and_deleted(client: Client, swe
     path.write_text(json.dumps(again.spec()), encoding="utf-8")
     copy = client.submit(path)
     assert isinstance(copy, Sweep) and copy.view["points"] == 2
-    copy.wait(60, progress=False)
+    copy.wait(180, progress=False)
     assert copy.delete(dry_run=True)["jobs"] == 4 and client.sweep(copy.id).id == copy.id
     assert copy.delete()["dry_run"] is False
     with pytest.raises(ApiError):
@@ -227,7 +227,7 @@ def test_failed_jobs_are_warned_of(client: Client, sweep_document: dict[str, Any
     document["factors"] = document["factors"][:1]
     sweep = client.submit_sweep(document)
     with pytest.warns(UserWarning, match="2 jobs have failed .2 unstable"):
-        sweep.wait(60, progress=False)
+        sweep.wait(180, progress=False)
     assert sweep.share("jammed").n == 0
 
 

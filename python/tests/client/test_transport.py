@@ -21,12 +21,15 @@ def test_requests_and_events_survive_a_restart(own_farm: Farm) -> None:
     kinds: list[str] = []
 
     def watch() -> None:
-        kinds.extend(event.kind for event in job.watch())
+        for event in job.watch():
+            kinds.append(event.kind)
 
     watcher = threading.Thread(target=watch)
     watcher.start()
-    deadline = time.monotonic() + 10
-    time.sleep(0.3)
+    deadline = time.monotonic() + 60
+    while not kinds:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
     server.kill()
     server.wait()
     restart = threading.Timer(0.5, own_farm.serve)
@@ -35,7 +38,7 @@ def test_requests_and_events_survive_a_restart(own_farm: Farm) -> None:
     assert client.job(job.id).state == "queued"
     restart.join()
     own_farm.work()
-    watcher.join(timeout=max(0.0, deadline - time.monotonic()) + 20)
+    watcher.join(timeout=120)
     assert job.state == "succeeded" and kinds[0] == "job" and "resumed" in kinds
 
 
@@ -53,10 +56,10 @@ def test_a_stream_that_was_quiet_for_longer_than_the_patience_goes_on(own_farm: 
 
 
 def test_a_limit_of_requests_slows_a_client_down(own_farm: Farm) -> None:
-    own_farm.serve("--max-requests-per-s", "4")
+    own_farm.serve("--max-requests-per-s", "1")
     client = own_farm.client()
     started = time.monotonic()
-    for _ in range(8):
+    for _ in range(3):
         client.version()
     assert time.monotonic() - started > 0.5
     with pytest.raises(ApiError) as caught:
@@ -73,7 +76,7 @@ def test_a_token_is_sent_and_its_lack_is_an_error(own_farm: Farm, monkeypatch: p
         [ROOST, "token", "create", "--data", data, "--scope", "read", "--name", "test"], check=True, stdout=subprocess.PIPE
     )
     token = made.stdout.decode().split()[-1]
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 60
     while True:
         try:
             own_farm.client().jobs()
