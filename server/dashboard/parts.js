@@ -50,6 +50,15 @@ export function stateOfSweep(counts) {
 export const total = (counts) => STATES.reduce((sum, state) => sum + counts[state], 0);
 
 /**
+ * A progress bar of coloured parts. The label is for screen readers.
+ * @param {string} label @param {number} percent @param {[colour: string, share: number][]} parts
+ */
+export function bar(label, percent, parts, is_large = false) {
+  return h("div", { class: is_large ? "bar large" : "bar", role: "progressbar", "aria-valuemin": 0, "aria-valuemax": 100, "aria-valuenow": percent, "aria-label": label },
+    parts.filter(([, share]) => share > 0).map(([colour, share]) => h("span", { class: colour, style: { "--part": `${100 * share}%` } })));
+}
+
+/**
  * The progress bar of a sweep: a part for each way in which jobs ended, and one for the work of running jobs.
  * @param {SweepView} sweep
  */
@@ -58,14 +67,8 @@ export function progress(sweep, is_large = false) {
   /** @type {[JobState, number][]} */
   const ended = ENDED.map((state) => [state, sweep.counts[state] / all]);
   const running = Math.max(0, sweep.fraction - ended.reduce((sum, [, share]) => sum + share, 0));
-  const parts = [...ended, /** @type {[JobState, number]} */ (["running", running])].filter(([, share]) => share > 0);
   const percent = Math.floor(100 * sweep.fraction);
-  return h(
-    "div",
-    { class: is_large ? "bar large" : "bar", role: "progressbar", "aria-valuemin": 0, "aria-valuemax": 100, "aria-valuenow": percent,
-      "aria-label": `${sweep.name}: ${percent} % done` },
-    parts.map(([state, share]) => h("span", { class: state, style: { "--part": `${100 * share}%` } })),
-  );
+  return bar(`${sweep.name}: ${percent} % done`, percent, [...ended, ["running", running]], is_large);
 }
 
 /**

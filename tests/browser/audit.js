@@ -13,6 +13,7 @@ window.audit = () => {
   for (const one of all("img")) if (!one.hasAttribute("alt")) report("has no alt", one);
   for (const one of all("table")) if (!one.caption?.textContent.trim()) report("has no caption", one);
   for (const one of all("th")) if (!one.scope) report("has no scope", one);
+  for (const one of all("th")) if (!one.textContent.trim()) report("has no text", one);
   for (const one of all("[role=progressbar]")) if (!(Number(one.ariaValueNow) >= 0 && Number(one.ariaValueNow) <= 100)) report("has no value", one);
   for (const one of all("[tabindex]")) if (one.tabIndex > 0) report("has a positive tabindex", one);
   for (const one of all("[onclick], .hit")) if (!one.matches("button, a, summary, .hit")) report("reacts to clicks and is not a button", one);

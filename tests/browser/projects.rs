@@ -10,7 +10,17 @@ fn projects_show_their_shares_budgets_and_jobs() {
     let sandbox = Sandbox::new();
     let _server = sandbox.start_server();
     let data = sandbox.path("data").display().to_string();
-    stdout(&sandbox.roost(&["project", "create", "steel", "--data", &data, "--share", "3"]));
+    stdout(&sandbox.roost(&[
+        "project",
+        "create",
+        "steel",
+        "--data",
+        &data,
+        "--share",
+        "3",
+        "--budget-core-hours",
+        "500",
+    ]));
     stdout(&sandbox.roost(&["project", "create", "spent", "--data", &data, "--budget-core-hours", "0"]));
     let token = |project: &str| {
         let arguments = ["token", "create", "--data", &data, "--scope", "submit", "--project", project];
@@ -30,10 +40,12 @@ fn projects_show_their_shares_budgets_and_jobs() {
     page.until("projects are listed", "find.rows('Jobs and core-hours')?.length === 3");
     let rows: Vec<Vec<String>> = page.value("find.rows('Jobs and core-hours')");
     let expected = json!([
-        ["spent", "1", "1", "0", "0", "100 % of 0", "budget used up: its queued jobs wait"],
-        ["steel", "3", "0", "0", "0", "no limit", ""],
+        ["spent", "1", "1", "0", "0", "0", "budget used up: its queued jobs wait"],
+        ["steel", "3", "0", "0", "0", "0 % of 500", ""],
         ["default", "1", "0", "0", "0", "no limit", ""],
     ]);
     assert_eq!(json!(rows), expected);
-    assert!(page.audit().is_empty(), "{:?}", page.audit());
+    // The requests before the sign-in were refused.
+    assert!(page.errors().iter().all(|line| line.contains("401")));
+    super::audit_pages(&mut page, &["/projects"]);
 }

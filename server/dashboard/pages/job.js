@@ -6,7 +6,7 @@ import { fill, fillIfChanged, h } from "../dom.js";
 import { duration, factorLabel, dateTime, number, shortId, labelOf } from "../format.js";
 import { level } from "../measures.js";
 import { readOutputs } from "../outputs.js";
-import { action, errorBox, facts, isEnded, requested, responseLabel, state, table } from "../parts.js";
+import { action, bar as progressBar, errorBox, facts, isEnded, requested, responseLabel, state, table } from "../parts.js";
 import { player } from "../playback/player.js";
 import { curveKey, curvesOf, linePlot } from "../plots/curves.js";
 import { panel } from "../plots/plot.js";
@@ -33,8 +33,7 @@ export async function show(main, id) {
         job.sweep_id && h("a", { href: `/sweeps/${job.sweep_id}` }, "sweep"), job.from_cache && h("span", {}, "cached result of an equal scenario"),
         h("a", { href: `/compare?jobs=${job.id}` }, "compare")),
       job.failure_class && h("p", { class: "fault" }, `${job.failure_class}: ${job.failure_message ?? ""}`),
-      job.progress && h("div", { class: "bar large", role: "progressbar", "aria-valuemin": 0, "aria-valuemax": 100, "aria-valuenow": Math.floor(100 * job.progress.fraction), "aria-label": "progress of the attempt" },
-        h("span", { class: "running", style: { "--part": `${100 * job.progress.fraction}%` } })),
+      job.progress && progressBar("progress of the attempt", Math.floor(100 * job.progress.fraction), [["running", job.progress.fraction]], true),
       job.progress && facts([["Phase", job.progress.phase], ["Belt time", `${number(job.progress.time_s, 3)} s`], ["Sub-particles", number(job.progress.subparticles)],
         ["Discharged", `${number(job.progress.discharged_kg)} kg`],
         ["Speed", job.progress.wall_s > 0 ? `${number(job.progress.particle_steps / job.progress.wall_s / 1e6, 3)} million particle-steps/s` : null],

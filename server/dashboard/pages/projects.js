@@ -4,28 +4,31 @@
 import { poll } from "../api.js";
 import { fill, h } from "../dom.js";
 import { number } from "../format.js";
-import { errorBox, table } from "../parts.js";
+import { bar, errorBox, table } from "../parts.js";
 
-/**
- * The used part of the budget of a project; null without a budget.
- * @param {ProjectView} project
- */
-function usedPart({ budget_core_hours: budget, used_core_hours: used }) {
-  if (budget === null || budget === undefined) return null;
-  return used >= budget ? 1 : used / budget;
+/** @param {ProjectView} project */
+const hasBudget = ({ budget_core_hours }) => typeof budget_core_hours === "number";
+
+/** @param {ProjectView} project */
+const isUsedUp = ({ budget_core_hours, used_core_hours }) => typeof budget_core_hours === "number" && used_core_hours >= budget_core_hours;
+
+/** @param {ProjectView} project @returns {Child} */
+function budget(project) {
+  if (!hasBudget(project)) return "no limit";
+  const limit = project.budget_core_hours ?? 0;
+  // Attempts that run when the budget is used up may exceed it.
+  const percent = limit > 0 ? Math.floor((100 * project.used_core_hours) / limit) : 100;
+  const shown = Math.min(100, percent);
+  return [
+    bar(`budget of ${project.name}`, shown, [[isUsedUp(project) ? "failed" : "running", shown / 100]]),
+    limit > 0 ? `${percent.toLocaleString("en")} % of ${number(limit)}` : "0",
+  ];
 }
 
 /** @param {ProjectView} project */
-function budget(project) {
-  const used = usedPart(project);
-  if (used === null) return "no limit";
-  const percent = Math.floor(100 * used);
-  return [
-    h("div", { class: "bar", role: "progressbar", "aria-valuemin": 0, "aria-valuemax": 100, "aria-valuenow": percent,
-      "aria-label": `${project.name}: ${percent} % of the budget used` },
-      h("span", { class: used < 1 ? "running" : "failed", style: { "--part": `${100 * used}%` } })),
-    `${percent} % of ${number(project.budget_core_hours)}`,
-  ];
+function state(project) {
+  if (!isUsedUp(project)) return "";
+  return h("span", { class: "state failed" }, project.queued > 0 ? "budget used up: its queued jobs wait" : "budget used up");
 }
 
 /** @type {Column<ProjectView>[]} */
@@ -36,7 +39,7 @@ const COLUMNS = [
   { title: "Running jobs", is_number: true, cell: (project) => project.running.toLocaleString("en") },
   { title: "Core-hours used", is_number: true, cell: (project) => number(project.used_core_hours) },
   { title: "Budget in core-hours", is_text: true, cell: budget },
-  { title: "", is_text: true, cell: (project) => usedPart(project) === 1 && h("span", { class: "state failed" }, "budget used up: its queued jobs wait") },
+  { title: "State", is_text: true, cell: state },
 ];
 
 /** @param {HTMLElement} main */

@@ -45,7 +45,7 @@ const COLUMNS = [
   { title: "Revision", is_number: true, cell: (worker) => worker.solver_revision },
   { title: "Registered", cell: (worker) => since(worker.registered_at) },
   { title: "Last heartbeat", cell: (worker) => since(worker.last_seen_at) },
-  { title: "", cell: (worker) => isAlive(worker) && !worker.draining
+  { title: "Action", cell: (worker) => isAlive(worker) && !worker.draining
       ? action("Drain", () => post(`/v1/workers/${worker.id}/drain`).then(() => `${worker.name} finishes its jobs and exits`), { ask: () => `Drain ${worker.name}? It will finish its jobs, claim no more, and exit.` })
       : "" },
 ];

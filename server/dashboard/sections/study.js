@@ -5,7 +5,7 @@ import { post } from "../api.js";
 import { pointersOf } from "../document.js";
 import { fill, h, withCode } from "../dom.js";
 import { dateTime, factorLabel, plural } from "../format.js";
-import { action, facts } from "../parts.js";
+import { action, bar, facts } from "../parts.js";
 import { dialog } from "./extend.js";
 import { forecastOf } from "./forecast.js";
 
@@ -29,8 +29,7 @@ export function stateOfStudy({ state, finished }) {
 export function runsBar({ name, runs }, is_large = false) {
   const ended = /** @type {[string, number][]} */ ([["succeeded", runs.done], ["failed", runs.failed], ["cancelled", runs.cancelled], ["running", runs.pending]]);
   const percent = Math.min(100, Math.floor((100 * (runs.done + runs.failed + runs.cancelled)) / runs.max_runs));
-  return h("div", { class: is_large ? "bar large" : "bar", role: "progressbar", "aria-valuemin": 0, "aria-valuemax": 100, "aria-valuenow": percent, "aria-label": `${name}: ${percent} % of the budget used` },
-    ended.filter(([, count]) => count > 0).map(([colour, count]) => h("span", { class: colour, style: { "--part": `${(100 * count) / runs.max_runs}%` } })));
+  return bar(`${name}: ${percent} % of the budget used`, percent, ended.map(([colour, count]) => [colour, count / runs.max_runs]), is_large);
 }
 
 /**

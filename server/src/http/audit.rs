@@ -67,7 +67,7 @@ fn forwarded_for(headers: &HeaderMap) -> Option<String> {
 }
 
 /// The action of a request in the log; none for requests that change no data of users.
-fn action(method: &Method, route: &str) -> Option<&'static str> {
+pub(super) fn action(method: &Method, route: &str) -> Option<&'static str> {
     let action = match (method.as_str(), route) {
         ("POST", "/v1/jobs" | "/v1/sweeps" | "/v1/sweeps/{id}/extend" | "/v1/studies") => "submit",
         ("POST", "/v1/meshes") => "upload",

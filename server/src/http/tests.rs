@@ -1,4 +1,6 @@
-//! The problem kinds of `api.md` against those of the code, and the answer to a panic.
+//! The problem kinds of `api.md` against those of the code, the audit log against the routes, and the answer to a panic.
+
+use axum::http::Method;
 
 use super::problem::ProblemKind;
 
@@ -21,4 +23,20 @@ fn api_md_lists_every_problem_kind_with_its_status() {
         assert!(rows.iter().any(|line| line.starts_with(&row)), "{row}");
     }
     assert_eq!(rows.len(), ProblemKind::ALL.len());
+}
+
+#[test]
+fn requests_that_change_data_of_users_have_an_action_in_the_audit_log() {
+    /// These change no data of users.
+    const WITHOUT: [&str; 5] =
+        ["/v1/claims", "/v1/validate", "/v1/studies/validate", "/v1/workers", "/v1/workers/{id}/heartbeat"];
+    let document: serde_json::Value = serde_json::from_str(&super::openapi()).unwrap();
+    for (path, item) in document["paths"].as_object().unwrap() {
+        for method in [Method::POST, Method::PUT, Method::DELETE] {
+            let is_there = item.get(method.as_str().to_ascii_lowercase()).is_some();
+            let is_change = !WITHOUT.contains(&path.as_str()) && !path.contains("/attempts/");
+            let has_action = super::audit::action(&method, path).is_some();
+            assert_eq!(has_action, is_there && is_change, "{method} {path}");
+        }
+    }
 }

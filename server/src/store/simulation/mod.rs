@@ -33,7 +33,7 @@ fn from_environment(name: &str) -> Option<u64> {
 /// Runs one seed. Prints its steps if asked, or if it fails.
 pub(super) async fn run_seed(store: &Store, seed: u64, is_verbose: bool) {
     let mut world = World::new(store, seed).await;
-    let outcome = AssertUnwindSafe(world.run(STEPS)).catch_unwind().await;
+    let outcome = AssertUnwindSafe(world.run(STEPS, is_verbose)).catch_unwind().await;
     if is_verbose || outcome.is_err() {
         eprintln!("seed {seed}\n  {}", world.steps.join("\n  "));
     }

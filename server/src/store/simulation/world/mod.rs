@@ -135,13 +135,14 @@ impl<'s> World<'s> {
         world
     }
 
-    /// Random steps, and then as many as it takes to end every job.
-    pub(super) async fn run(&mut self, steps: u32) {
+    /// Random steps, and then as many as it takes to end every job. A verbose run compares after every step with PostgreSQL too.
+    pub(super) async fn run(&mut self, steps: u32, is_verbose: bool) {
         // Queries to PostgreSQL go to another process, and cost most of the time of a run.
-        let interval = if self.store.readers.engine() == Engine::Postgres { 4 } else { 1 };
+        let compare_every =
+            if self.store.readers.engine() == Engine::Postgres && !is_verbose { 4 } else { 1 };
         for step in 1..=steps {
             self.step().await;
-            if step.is_multiple_of(interval) {
+            if step.is_multiple_of(compare_every) || step == steps {
                 self.compare().await;
             }
         }
