@@ -17,7 +17,8 @@ fn coarse_scenario_file(sandbox: &Sandbox) -> String {
 }
 
 fn bench_arguments(arguments: &[&str]) -> Vec<String> {
-    [&["bench", "solver", "--threads", "1", "--repeats", "2", "--steps", "10"], arguments]
+    let steps: &[&str] = if arguments.contains(&"--steps") { &[] } else { &["--steps", "10"] };
+    [&["bench", "solver", "--threads", "1", "--repeats", "2"], steps, arguments]
         .concat()
         .iter()
         .map(|text| (*text).to_owned())
@@ -34,7 +35,10 @@ fn rows(arguments: &[&str]) -> Vec<Value> {
 fn every_path_is_timed_on_every_bed() {
     let sandbox = Sandbox::new();
     let scenario = coarse_scenario_file(&sandbox);
-    let rows = rows(&["--subparticles", "1000", "--paths", "plain,fast", "--scenario", &scenario]);
+    // So many that a pause of the machine changes the shares of stages little.
+    let steps = ["--steps", "200"];
+    let bed = ["--subparticles", "1000", "--paths", "plain,fast", "--scenario", &scenario];
+    let rows = rows(&[&steps[..], &bed].concat());
     let beds: Vec<&str> = rows.iter().filter_map(|row| row["bed"].as_str()).collect();
     assert_eq!(beds, ["loose", "loose", "bonded", "bonded", "hopper", "hopper"]);
     for row in &rows {
@@ -54,7 +58,7 @@ fn every_path_is_timed_on_every_bed() {
     }
     // Only fillets spend time on bonds.
     let share = |row: usize, stage: &str| rows[row]["stages"][stage].as_f64().expect("a share");
-    assert!(share(1, "bonds") < 0.02 && share(3, "bonds") > 0.05, "{rows:?}");
+    assert!(share(3, "bonds") > 0.02 && share(3, "bonds") > 3.0 * share(1, "bonds"), "{rows:?}");
     assert_eq!((&rows[0]["path"], rows[1]["path"] == rows[0]["path"]), (&json!("plain"), false));
 }
 

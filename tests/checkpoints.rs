@@ -50,7 +50,7 @@ fn objects(sandbox: &Sandbox) -> Vec<PathBuf> {
 
 #[test]
 fn a_job_continues_after_sigterm_with_the_result_of_an_undisturbed_run() {
-    let _undisturbed = support::timing_lock();
+    let _alone = support::turn::alone();
     let sandbox = Sandbox::new();
     let expected = undisturbed(&sandbox);
     let _server = sandbox.start_server_with(WITHOUT_FILLS);
@@ -79,7 +79,7 @@ fn a_job_continues_after_sigterm_with_the_result_of_an_undisturbed_run() {
 
 #[test]
 fn a_job_continues_from_its_last_checkpoint_after_a_kill() {
-    let _undisturbed = support::timing_lock();
+    let _alone = support::turn::alone();
     let sandbox = Sandbox::new();
     let expected = undisturbed(&sandbox);
     let _server = sandbox.start_server_with(&["--lease-s", "2", "--checkpoint-interval", "1s"]);
@@ -95,7 +95,7 @@ fn a_job_continues_from_its_last_checkpoint_after_a_kill() {
 
 #[test]
 fn a_damaged_checkpoint_is_discarded_and_the_job_begins_at_zero() {
-    let _undisturbed = support::timing_lock();
+    let _alone = support::turn::alone();
     let sandbox = Sandbox::new();
     let expected = undisturbed(&sandbox);
     let _server = sandbox.start_server_with(WITHOUT_FILLS);
@@ -117,7 +117,7 @@ fn a_damaged_checkpoint_is_discarded_and_the_job_begins_at_zero() {
 
 #[test]
 fn a_paused_job_is_handed_back_and_continues_after_its_resume() {
-    let _undisturbed = support::timing_lock();
+    let _alone = support::turn::alone();
     let sandbox = Sandbox::new();
     let expected = undisturbed(&sandbox);
     let _server = sandbox.start_server();
@@ -148,7 +148,7 @@ fn physics_in(folder: &str) -> [Value; 4] {
 
 #[test]
 fn a_run_continues_from_its_checkpoint_after_an_interrupt() {
-    let _undisturbed = support::timing_lock();
+    let _alone = support::turn::alone();
     let sandbox = Sandbox::new();
     let expected = undisturbed(&sandbox);
     let file = sandbox.file("run.json", &slow_scenario(DURATION_S));
@@ -189,7 +189,7 @@ fn a_run_continues_from_its_checkpoint_after_an_interrupt() {
 
 #[test]
 fn a_full_disk_keeps_the_last_checkpoint_and_the_run_goes_on() {
-    let _undisturbed = support::timing_lock();
+    let _alone = support::turn::alone();
     let sandbox = Sandbox::new();
     let Some(disk) = SmallDisk::mount(&sandbox.path("saved"), 4) else {
         eprintln!("left out: only root may mount the small disk that this fills");

@@ -107,6 +107,7 @@ fn grace_periods_end_before_the_kill() {
 
 #[test]
 fn repeated_signals_are_one_request_and_a_later_one_ends_the_process() {
+    let _alone = support::turn::alone();
     let sandbox = Sandbox::new();
     let _server = sandbox.start_server_with(&["--lease-s", "60"]);
     let (patient, hasty) = (
@@ -142,7 +143,7 @@ fn repeated_signals_are_one_request_and_a_later_one_ends_the_process() {
         "handed back: {states:?}"
     );
 
-    std::thread::sleep(Duration::from_millis(5_200).saturating_sub(signalled.elapsed()));
+    std::thread::sleep(Duration::from_secs(7).saturating_sub(signalled.elapsed()));
     hasty.terminate();
     let (status, took) = hasty.wait();
     assert_eq!(status.code(), Some(128 + 15), "not in its grace");

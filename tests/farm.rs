@@ -118,7 +118,7 @@ fn result_is_delivered_to_its_own_server_only() {
     let (sandbox, other) = (Sandbox::new(), Sandbox::new());
     let server = sandbox.start_server();
     let worker = sandbox.start_worker("worker");
-    let job = sandbox.submit(&slow_scenario(1.0));
+    let job = sandbox.submit(&slow_scenario(JOB_DURATION_S));
     sandbox.wait_for_job(&job, "the job is under way", |job| job.state == JobState::Running);
     server.kill();
     support::wait_until("the result is in the outbox", || {
@@ -146,7 +146,7 @@ fn result_is_delivered_to_its_own_server_only() {
 
 #[test]
 fn sigterm_returns_the_job_and_both_processes_exit_cleanly() {
-    let _undisturbed = support::timing_lock();
+    let _alone = support::turn::alone();
     let sandbox = Sandbox::new();
     let server = sandbox.start_server();
     let worker = sandbox.start_worker("worker");
@@ -173,7 +173,7 @@ fn sigterm_returns_the_job_and_both_processes_exit_cleanly() {
 
 #[test]
 fn worker_waits_for_its_server_and_registers_again() {
-    let _undisturbed = support::timing_lock();
+    let _alone = support::turn::alone();
     let sandbox = Sandbox::new();
     let worker = sandbox.start_worker("worker");
     std::thread::sleep(Duration::from_millis(300));
@@ -201,7 +201,7 @@ fn worker_waits_for_its_server_and_registers_again() {
 
 #[test]
 fn cancel_stops_a_running_job_and_retry_runs_it_again() {
-    let _undisturbed = support::timing_lock();
+    let _alone = support::turn::alone();
     let sandbox = Sandbox::new();
     let _server = sandbox.start_server();
     let _worker = sandbox.start_worker("worker");

@@ -101,10 +101,10 @@ fn two_workers_compute_each_fill_once_and_results_keep_their_bits() {
 }
 
 /// Steps so small that the filling takes seconds.
-fn slow_fill(gate_m: f64) -> Value {
+fn slow_fill(gate_m: f64, timestep_s: f64) -> Value {
     let mut scenario = slice();
     scenario["equipment"]["gate_opening_m"] = json!(gate_m);
-    scenario["numerics"]["timestep_s"] = json!(5e-6);
+    scenario["numerics"]["timestep_s"] = json!(timestep_s);
     scenario
 }
 
@@ -113,9 +113,11 @@ fn kill_of_a_worker_that_computes_a_fill_releases_the_waiting_jobs() {
     let sandbox = Sandbox::new();
     let _server = sandbox.start_server();
     let first = sandbox.start_worker("first");
-    let filling = sandbox.submit(&slow_fill(0.05));
+    // The filling lasts until the second worker has started and done other work.
+    let slower_fill = |gate_m| slow_fill(gate_m, 2.5e-6);
+    let filling = sandbox.submit(&slower_fill(0.05));
     sandbox.wait_for_job(&filling, "it fills", |job| job.progress.is_some());
-    let waiting = sandbox.submit(&slow_fill(0.06));
+    let waiting = sandbox.submit(&slower_fill(0.06));
     let other = sandbox.submit(&hopper_scenario(0.1));
     let _second = sandbox.start_worker("second");
     sandbox.wait_for_job(&other, "the second worker takes other work", |job| job.state.is_ended());
@@ -169,7 +171,7 @@ fn worker_uploads_a_cached_fill_that_the_server_lacks() {
     let sandbox = Sandbox::new();
     let server = sandbox.start_server_with(&["--fills-limit-mib", "0"]);
     let _worker = sandbox.start_worker_with("first", &["--slots", "2"]);
-    let one = |gate_m: f64| sandbox.submit(&slow_fill(gate_m));
+    let one = |gate_m: f64| sandbox.submit(&slow_fill(gate_m, 5e-6));
     let end = |job: &JobView| sandbox.wait_for_job(job, "it ends", |job| job.state.is_ended());
     // The server shares none: two slots of one worker fill once.
     let both = [one(0.05), one(0.06)];

@@ -103,7 +103,7 @@ fn series_of_a_running_job_survive_a_restart_of_the_server() {
     let sandbox = Sandbox::new();
     let server = sandbox.start_server();
     let _worker = sandbox.start_worker("worker");
-    let job = sandbox.submit(&slow_scenario(60.0));
+    let job = sandbox.submit(&slow_scenario(600.0));
     let path = format!("/v1/jobs/{}/series/kinetic_energy", job.id);
     let samples = || {
         get(&sandbox, &path)

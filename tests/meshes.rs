@@ -151,7 +151,7 @@ fn worker_killed_during_a_fetch_loses_no_job() {
 
 #[test]
 fn worker_stopped_during_a_fetch_returns_its_job() {
-    let _undisturbed = support::timing_lock();
+    let _alone = support::turn::alone();
     let sandbox = Sandbox::new();
     let _server = sandbox.start_server();
     let proxy = Proxy::to(&sandbox.address);

@@ -189,8 +189,8 @@ fn repeated_failures_pause_the_pool_and_the_list_says_why() {
     let _server = sandbox.start_server();
     submit_sweep(&sandbox, &slow_scenario(600.0), 6);
     slurm.set("refuse", Some("invalid partition specified: gpu"));
-    let options = ["--retry-pause", "5s", "--roost", "/no/such/roost"];
-    let running = start(&sandbox, &slurm, "pool", &options);
+    let options = |pause| ["--retry-pause", pause, "--roost", "/no/such/roost"];
+    let running = start(&sandbox, &slurm, "pool", &options("1h"));
     let ledger =
         wait_until("it pauses", || Some(list(&sandbox)).filter(|list| list["paused_until"].is_string()));
     assert_eq!(ledger["failures"]["in_a_row"], 3);
@@ -200,7 +200,7 @@ fn repeated_failures_pause_the_pool_and_the_list_says_why() {
     // Slurm takes it now, but the binary is not there: the trial fails, and the next pause is longer.
     slurm.set("refuse", None);
     running.kill();
-    let running = start(&sandbox, &slurm, "again", &options);
+    let running = start(&sandbox, &slurm, "again", &options("5s"));
     let ledger = wait_until("the trial fails", || {
         Some(list(&sandbox)).filter(|list| list["failures"]["in_a_row"] == 4 && !states(list).is_empty())
     });
@@ -331,7 +331,7 @@ fn a_pool_that_is_to_end_submits_no_more_and_cancels_even_what_it_did_not_record
     running.terminate();
     assert!(running.wait().0.success());
     let states = slurm.all("state");
-    assert!(states.len() <= 3 && states.iter().all(|state| state == "CANCELLED"), "{states:?}");
+    assert!(states.len() <= 6 && states.iter().all(|state| state == "CANCELLED"), "{states:?}");
     // It cannot store its state any more.
     slurm.set("slow", None);
     let running = start(&sandbox, &slurm, "again", &["--cancel-on-exit", "--backlog", "1"]);

@@ -7,6 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 use roost_worker::client::Client;
 use serde_json::{Value, json};
@@ -193,7 +194,7 @@ fn faulty_question_is_refused_and_can_be_corrected() {
 
 #[tokio::test]
 async fn killed_study_continues_when_repeated() {
-    let place = Place::new(&question(slow_scenario(2.0)));
+    let place = Place::new(&question(slow_scenario(3.0)));
     let log = place.folder.path().join("first.log");
     let killed = Process::start(&mut place.command(), log);
     let address = wait_until("the server has an address", || {
@@ -202,12 +203,14 @@ async fn killed_study_continues_when_repeated() {
         rest.split(',').next().filter(|_| rest.contains('\n')).map(str::to_owned)
     });
     let client = Client::new(&address).unwrap();
+    let since = Instant::now();
     let study = loop {
+        assert!(since.elapsed() < Duration::from_secs(120), "no two runs have ended: {}", killed.log());
         let studies = client.studies(None, 1).await.map(|page| page.items).unwrap_or_default();
         if let Some(study) = studies.into_iter().find(|study| study.runs.done >= 2) {
             break study;
         }
-        tokio::time::sleep(std::time::Duration::from_millis(50)).await;
+        tokio::time::sleep(Duration::from_millis(50)).await;
     };
     killed.kill();
     assert!(study.runs.done < RUNS, "it was killed midway");

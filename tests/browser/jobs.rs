@@ -15,7 +15,7 @@ fn jobs_can_be_cancelled_and_retried_and_their_curves_grow() {
     let mut page = Page::new(&sandbox.address);
     let file = sandbox.file(
         "sweep.json",
-        &json!({"name": "long", "base": slow_scenario(60.0), "design": {"kind": "grid"}, "replicates": 2}),
+        &json!({"name": "long", "base": slow_scenario(600.0), "design": {"kind": "grid"}, "replicates": 2}),
     );
     let sweep = sandbox.json_output(&["submit", &file]);
     let id = text(&sweep["id"]);

@@ -1,5 +1,7 @@
 //! Pages of studies: from the question to the answer and its pictures, with results of a real worker.
 
+use std::time::{Duration, Instant};
+
 use serde_json::{Value, json};
 
 use super::page::Page;
@@ -45,11 +47,16 @@ fn submit(
     ))
 }
 
+/// Maximum time of a study, even on a busy machine.
+const FINISHED_WITHIN: Duration = Duration::from_secs(300);
+
 /// Waits until a study is finished and opens its page with the picture. Returns the finding.
 fn finished(sandbox: &Sandbox, page: &mut Page, id: &str, title: &str) -> Value {
-    wait_until("the study is finished", || {
-        (sandbox.get(&format!("/v1/studies/{id}"))["state"] == "finished").then_some(())
-    });
+    let since = Instant::now();
+    while sandbox.get(&format!("/v1/studies/{id}"))["state"] != "finished" {
+        assert!(since.elapsed() < FINISHED_WITHIN, "study {id} is not finished");
+        std::thread::sleep(Duration::from_millis(100));
+    }
     page.open(&format!("/studies/{id}"));
     page.until(&format!("{title} is drawn"), &format!("find.plot('{title}')"));
     sandbox.get(&format!("/v1/studies/{id}/answer"))["answer"]["finding"].clone()

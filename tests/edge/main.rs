@@ -22,7 +22,7 @@ use roost_server::ServerConfig;
 use roost_solver::SOLVER_REVISION;
 use roost_worker::client::{Client, MAX_IDLE};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
-use support::{Process, Sandbox, timing_lock, wait_until};
+use support::{Process, Sandbox, turn, wait_until};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpSocket;
 
@@ -44,6 +44,11 @@ fn ask(address: SocketAddr, path: &str) -> (String, Duration) {
     let mut answer = String::new();
     stream.read_to_string(&mut answer).unwrap();
     (answer, started.elapsed())
+}
+
+/// Maximum time of an answer during a flood; without `ROOST_FULL` with room for a busy machine. A blocked server takes ten seconds.
+fn longest_answer() -> Duration {
+    Duration::from_secs(if std::env::var_os("ROOST_FULL").is_some() { 1 } else { 3 })
 }
 
 /// A value from `/metrics`.
@@ -77,7 +82,7 @@ fn raise_descriptors() -> usize {
 
 #[test]
 fn ten_thousand_incomplete_requests_do_not_block_other_clients() {
-    let _alone = timing_lock();
+    let _alone = turn::alone();
     // As many as the limit of open files allows.
     let wanted = 10_000.min(raise_descriptors().saturating_sub(500));
     if wanted < 10_000 {
@@ -152,7 +157,7 @@ fn ten_thousand_incomplete_requests_do_not_block_other_clients() {
          closed after {closed:?}",
         most / MIB
     );
-    assert!(slowest < Duration::from_secs(1), "{slowest:?}");
+    assert!(slowest < longest_answer(), "{slowest:?}");
     assert!(most < 150 * MIB, "{} MiB", most / MIB);
     assert!(closed < Duration::from_secs(15), "{closed:?}");
     assert!(open > 1000.0, "{open}: they were not there at once");
@@ -182,7 +187,7 @@ fn slow_reader(address: SocketAddr) -> TcpStream {
 #[test]
 fn slow_readers_do_not_block_other_clients() {
     const LIMIT: usize = 64;
-    let _alone = timing_lock();
+    let _alone = turn::alone();
     let sandbox = Sandbox::new();
     let _server = sandbox.start_server_with(&["--max-connections", &LIMIT.to_string()]);
     let address = address(&sandbox);
@@ -205,13 +210,15 @@ fn slow_readers_do_not_block_other_clients() {
             }
         })
     };
-    let (mut slowest, mut most) = (Duration::ZERO, 0.0_f64);
+    let (mut slowest, mut most, mut cut_off) = (Duration::ZERO, 0.0_f64, 0.0);
     let started = Instant::now();
-    while started.elapsed() < Duration::from_secs(4) {
+    let is_long = |limit_s| started.elapsed() >= Duration::from_secs(limit_s);
+    while !is_long(4) || (cut_off < LIMIT as f64 && !is_long(60)) {
         let (answer, took) = ask(address, "/v1/jobs");
         assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
         slowest = slowest.max(took);
         most = most.max(metric(address, "roost_connections"));
+        cut_off = metric(address, r#"roost_connections_refused_total{reason="unread"}"#);
         std::thread::sleep(Duration::from_millis(100));
     }
     is_over.store(true, Ordering::Relaxed);
@@ -221,15 +228,14 @@ fn slow_readers_do_not_block_other_clients() {
         4 * LIMIT
     );
     assert!(most <= (LIMIT + 16) as f64, "{most} connections");
-    assert!(slowest < Duration::from_secs(1), "{slowest:?}");
-    let cut_off = metric(address, r#"roost_connections_refused_total{reason="unread"}"#);
+    assert!(slowest < longest_answer(), "{slowest:?}");
     assert!(cut_off >= LIMIT as f64, "{cut_off}");
 }
 
 #[test]
 fn simultaneous_clients_are_all_served() {
     const CLIENTS: usize = 1500;
-    let _alone = timing_lock();
+    let _alone = turn::alone();
     assert!(raise_descriptors() > CLIENTS + 500);
     let sandbox = Sandbox::new();
     let _server = sandbox.start_server();
@@ -316,6 +322,7 @@ fn unknown_methods_use_no_memory_and_no_metrics() {
 
 #[test]
 fn server_with_open_streams_and_incomplete_requests_stops_in_time() {
+    let _alone = turn::alone();
     let sandbox = Sandbox::new();
     let server = sandbox.start_server();
     let address = address(&sandbox);
@@ -344,7 +351,7 @@ fn server_with_open_streams_and_incomplete_requests_stops_in_time() {
     server.terminate();
     let (status, _) = server.wait();
     assert!(
-        status.success() && stopped.elapsed() < Duration::from_secs(5),
+        status.success() && stopped.elapsed() < Duration::from_secs(8),
         "{status} {:?}",
         stopped.elapsed()
     );

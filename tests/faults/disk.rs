@@ -17,7 +17,7 @@ fn full_disk_loses_nothing_and_is_reported() {
     };
     let server = sandbox.start_server();
     let _worker = sandbox.start_worker("worker");
-    let (running, waiting) = (sandbox.submit(&slow_scenario(6.0)), sandbox.submit(&hopper_scenario(0.3)));
+    let (running, waiting) = (sandbox.submit(&slow_scenario(12.0)), sandbox.submit(&hopper_scenario(0.3)));
     sandbox.wait_for_job(&running, "the job runs", |job| job.state == JobState::Running);
     disk.fill();
 

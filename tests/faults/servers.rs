@@ -1,5 +1,6 @@
 //! Several servers of one database: one leads, and the others pass requests on and take its place.
 
+use std::io::{BufRead, BufReader};
 use std::os::unix::fs::symlink;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -92,7 +93,9 @@ fn a_frozen_leader_loses_the_lead_and_stands_by_afterwards() {
     let (_postgres, _database, [one, two], [first, _second]) = two_servers();
     let waiting = one.submit(&hopper_scenario(0.6));
     let mut stream = curl(&[], &format!("{}/v1/jobs/{}/events", two.address, waiting.id));
-    std::thread::sleep(Duration::from_millis(500));
+    let (mut events, mut line) = (BufReader::new(stream.stdout.take().unwrap()), String::new());
+    events.read_line(&mut line).unwrap();
+    assert!(!line.is_empty(), "no event");
     first.freeze();
     let waited = Instant::now();
     let read = curl(&["-o", "/dev/null", "-w", "%{http_code}"], &format!("{}/v1/jobs", two.address));

@@ -7,13 +7,13 @@ pub(crate) mod proxy;
 pub(crate) mod slurm;
 pub(crate) mod small_disk;
 pub(crate) mod stl;
+pub(crate) mod turn;
 pub(crate) mod wall_clock;
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 use roost_api::job::JobView;
@@ -173,12 +173,6 @@ fn free_port() -> u16 {
         .expect("a free port")
 }
 
-/// A lock for tests that measure time, which run one at a time.
-pub(crate) fn timing_lock() -> MutexGuard<'static, ()> {
-    static LOCK: Mutex<()> = Mutex::new(());
-    LOCK.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
-}
-
 /// A temporary folder and an address for a server and its workers. Both stay the same after a restart.
 pub(crate) struct Sandbox {
     pub(crate) folder: TempDir,
@@ -189,10 +183,13 @@ pub(crate) struct Sandbox {
     /// Environment variables of every process.
     variables: Vec<(&'static str, String)>,
     runtime: tokio::runtime::Runtime,
+    /// Held until all the rest is gone.
+    turn: std::rc::Rc<turn::Turn>,
 }
 
 impl Sandbox {
     pub(crate) fn new() -> Self {
+        let turn = turn::beside();
         // For requests before the first `Client`.
         prepare_tls();
         Self {
@@ -202,6 +199,7 @@ impl Sandbox {
             has_clocks: false,
             variables: Vec::new(),
             runtime: tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap(),
+            turn,
         }
     }
 
