@@ -15,6 +15,7 @@ declare global {
   type ParameterLibrary = Schemas["ParameterLibrary"];
   type PairingGain = Schemas["PairingGain"];
   type PointRow = Schemas["PointRow"];
+  type ProjectView = Schemas["ProjectView"];
   type ResponseEffects = Schemas["ResponseEffects"];
   type SeriesPart = Schemas["SeriesPart"];
   type StateCounts = Schemas["StateCounts"];
