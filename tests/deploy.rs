@@ -73,7 +73,7 @@ fn slurm_script_is_valid_and_a_signal_returns_the_job() {
     task.env("SLURM_CPUS_PER_TASK", "1").env("SLURM_ARRAY_TASK_ID", "7").stdin(Stdio::null());
     let task = task.env("HOME", sandbox.folder.path()).env("ROOST_GRACE_S", "1").process_group(0);
     let mut task = task.spawn().unwrap();
-    sandbox.wait_for_job(&job, "the job is under way", |job| job.state == JobState::Running);
+    sandbox.wait_for_job(&job, "the job is under way", |job| support::fraction(job) > 0.0);
     // Like scancel: to all processes of the step, repeatedly.
     let group = format!("-{}", task.id());
     for _ in 0..3 {

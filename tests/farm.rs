@@ -98,7 +98,7 @@ fn result_waits_in_the_outbox_while_the_server_is_down() {
     let server = sandbox.start_server();
     let worker = sandbox.start_worker("worker");
     let job = sandbox.submit(&slow_scenario(JOB_DURATION_S));
-    sandbox.wait_for_job(&job, "the job is under way", |job| job.state == JobState::Running);
+    sandbox.wait_for_job(&job, "the job is under way", |job| fraction(job) > 0.0);
     server.kill();
     support::wait_until("the result is in the outbox", || {
         (outbox_len(&sandbox.path("worker")) == 1).then_some(())
@@ -119,7 +119,7 @@ fn result_is_delivered_to_its_own_server_only() {
     let server = sandbox.start_server();
     let worker = sandbox.start_worker("worker");
     let job = sandbox.submit(&slow_scenario(JOB_DURATION_S));
-    sandbox.wait_for_job(&job, "the job is under way", |job| job.state == JobState::Running);
+    sandbox.wait_for_job(&job, "the job is under way", |job| fraction(job) > 0.0);
     server.kill();
     support::wait_until("the result is in the outbox", || {
         (outbox_len(&sandbox.path("worker")) == 1).then_some(())
