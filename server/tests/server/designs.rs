@@ -258,14 +258,12 @@ async fn interrupted_deletion_is_completed_at_the_next_start() {
     server.stop().await;
 
     let file = dir.path().join("roost.db");
-    let open = async || {
-        use sqlx::Connection;
-        sqlx::SqliteConnection::connect(file.to_str().unwrap()).await.unwrap()
-    };
+    let open = async || sqlx::SqliteConnection::connect(file.to_str().unwrap()).await.unwrap();
     let mut database = open().await;
     assert_eq!(row_counts(&mut database).await.0, 0, "files of the first sweep only are deleted");
     sqlx::query("UPDATE sweeps SET state = 'deleting'").execute(&mut database).await.unwrap();
-    drop(database);
+    // A dropped connection closes later, and may still hold the database when the server starts.
+    database.close().await.unwrap();
     let again = TestServer::on(dir.path(), |_| {}).await;
     again.get(&other).await.problem(404, "not-found");
     let (mut database, deadline) = (open().await, Instant::now() + Duration::from_secs(20));
