@@ -67,7 +67,7 @@ async fn result_recorded_before_cancellation_counts() {
 
 #[tokio::test]
 async fn cancelled_job_of_a_dead_worker_ends_with_its_lease() {
-    let (server, _dir) = TestServer::with(|config| config.lease = Duration::from_millis(300)).await;
+    let (server, _dir) = TestServer::with(|config| config.lease = Duration::from_millis(1500)).await;
     let worker = server.worker("cpu").await;
     let job = server.submit(&envelope(1)).await;
     let attempt = worker.claim_one().await;

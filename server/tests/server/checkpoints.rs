@@ -126,7 +126,7 @@ async fn a_checkpoint_is_offered_to_the_same_solver_and_device_only() {
 
 #[tokio::test]
 async fn a_stale_attempt_changes_no_checkpoint() {
-    let (server, dir) = TestServer::with(|config| config.lease = Duration::from_millis(800)).await;
+    let (server, dir) = TestServer::with(|config| config.lease = Duration::from_millis(1500)).await;
     let worker = server.worker("cpu").await;
     let job = server.submit(&envelope(1)).await;
     let first = worker.claim_one().await;

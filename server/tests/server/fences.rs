@@ -20,7 +20,7 @@ async fn superseded_attempt(worker: &Worker<'_>) -> (Value, Value) {
 
 #[tokio::test]
 async fn superseded_attempt_can_neither_send_heartbeats_nor_deliver_nor_fail() {
-    let (server, _dir) = TestServer::with(|config| config.lease = Duration::from_millis(800)).await;
+    let (server, _dir) = TestServer::with(|config| config.lease = Duration::from_millis(1500)).await;
     let worker = server.worker("cpu").await;
     let job = server.submit(&envelope(1)).await;
     let (first, second) = superseded_attempt(&worker).await;

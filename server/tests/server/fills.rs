@@ -98,7 +98,7 @@ async fn one_attempt_computes_a_fill_and_the_others_wait_until_it_is_stored() {
 #[tokio::test]
 async fn a_fill_whose_attempt_ends_in_any_way_goes_to_the_next_job() {
     for end in ["released", "unstable", "cancelled", "result", "lost"] {
-        let (server, _dir) = TestServer::with(|config| config.lease = Duration::from_millis(800)).await;
+        let (server, _dir) = TestServer::with(|config| config.lease = Duration::from_millis(1500)).await;
         let (first, second) = (server.worker("cpu").await, server.worker("cpu").await);
         let ids = submit(&server, &[(1, 0.04), (1, 0.05)]).await;
         let got = first.claim_sharing(2, 0.0).await.remove(0);

@@ -115,7 +115,7 @@ async fn stored_result_without_frames_is_not_used_for_a_job_with_frames() {
 #[tokio::test]
 async fn invalid_or_stale_upload_is_refused_and_leaves_no_file() {
     let (server, dir) = TestServer::with(|config| {
-        config.lease = Duration::from_millis(800);
+        config.lease = Duration::from_millis(1500);
         config.max_frames_bytes = 1000;
     })
     .await;
@@ -191,7 +191,7 @@ async fn deleting_a_sweep_deletes_its_unshared_frames() {
 
 #[tokio::test]
 async fn stored_frames_are_used_only_for_the_same_interval() {
-    let (server, _dir) = TestServer::with(|config| config.lease = Duration::from_millis(400)).await;
+    let (server, _dir) = TestServer::with(|config| config.lease = Duration::from_millis(1500)).await;
     let worker = server.worker("cpu").await;
     let first = server.submit(&envelope_with_frames(1)).await;
     let lost = worker.claim_one().await;

@@ -51,7 +51,7 @@ async fn metrics_count_jobs_workers_and_requests() {
 #[tokio::test]
 async fn metrics_count_each_attempt_once() {
     let (server, _dir) = TestServer::with(|config| {
-        config.lease = Duration::from_millis(300);
+        config.lease = Duration::from_millis(1500);
         config.max_claim_wait = Duration::from_millis(10);
     })
     .await;
@@ -72,6 +72,12 @@ async fn metrics_count_each_attempt_once() {
     worker.fail(&attempts[2], "invalid", None).await.problem(409, "stale-attempt");
     // The last worker sends no more heartbeats.
     server.wait_for(&attempts[3]["job_id"], "queued").await;
+    // The loss is counted after it is stored.
+    let deadline = Instant::now() + Duration::from_secs(20);
+    while metric(&server, "roost_attempts_total{outcome=\"lost\"}").await < 1.0 {
+        assert!(Instant::now() < deadline, "the loss is not counted");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
     let text = server.get("/metrics").await.text;
     for (outcome, count) in [
         ("succeeded", 1.0),

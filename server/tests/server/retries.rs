@@ -104,7 +104,7 @@ async fn sole_worker_retries_its_failed_job() {
 
 #[tokio::test]
 async fn jobs_of_a_lost_batch_run_alone() {
-    let (server, _dir) = TestServer::with(|config| config.lease = Duration::from_millis(500)).await;
+    let (server, _dir) = TestServer::with(|config| config.lease = Duration::from_millis(1500)).await;
     let (dead, lone) = (server.worker("cpu").await, server.worker("cpu").await);
     let jobs = [server.submit(&envelope(1)).await, server.submit(&envelope(2)).await];
     assert_eq!(dead.claim(2).await.len(), 2);
@@ -133,7 +133,7 @@ async fn jobs_of_a_lost_batch_run_alone() {
 
 #[tokio::test]
 async fn job_lost_alone_may_run_with_others() {
-    let (server, _dir) = TestServer::with(|config| config.lease = Duration::from_millis(500)).await;
+    let (server, _dir) = TestServer::with(|config| config.lease = Duration::from_millis(1500)).await;
     let worker = server.worker("cpu").await;
     let job = server.submit(&envelope(1)).await;
     worker.claim_one().await;

@@ -190,7 +190,7 @@ async fn a_job_waits_for_the_fill_that_another_one_computes() {
 
 #[tokio::test]
 async fn a_job_that_runs_alone_waits_for_an_idle_worker() {
-    let (server, _dir) = TestServer::with(|config| config.lease = Duration::from_millis(600)).await;
+    let (server, _dir) = TestServer::with(|config| config.lease = Duration::from_millis(1500)).await;
     let (dead, busy) = (server.worker("cpu").await, server.worker("cpu").await);
     let lost = [server.submit(&envelope(1)).await, server.submit(&envelope(2)).await];
     assert_eq!(dead.claim(2).await.len(), 2);
