@@ -92,7 +92,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         Row::new(NAME, "simulated time until the filled hopper is at rest", "s")
             .paper(4.0)
             .replicates(&seeds("fill_duration_s"))
-            .note("the value of the paper is the time in which fillets were generated"),
+            .note("in the paper, 4 s is the time during which fillets were added to the hopper"),
         Row::new(NAME, "scatter of the mass at 4 s between seeds", "%")
             .value(spread, at_4_s.values.len())
             .note("standard deviation divided by the mean"),
