@@ -32,6 +32,7 @@ mod results;
 mod retry;
 mod run;
 mod serve;
+mod sign_in;
 mod status;
 mod study;
 mod submit;

@@ -10,6 +10,7 @@ use roost_terminal::{Exit, print_line, signals};
 
 use crate::database::Database;
 use crate::interval::interval;
+use crate::sign_in::SignInArgs;
 
 /// Run the server: the queue, the sweeps and the HTTP API
 ///
@@ -41,6 +42,8 @@ pub(crate) struct ServerArgs {
     /// the credentials of the bucket from environment variables. This option needs a build of Roost with the feature `s3`
     #[arg(long, value_name = "s3://BUCKET/PREFIX")]
     objects: Option<Bucket>,
+    #[command(flatten)]
+    sign_in: SignInArgs,
     /// Time between two heartbeats of a worker. A heartbeat is a message that the worker and its jobs still run
     #[arg(long, default_value_t = 2.0, value_name = "SECONDS", value_parser = positive)]
     heartbeat_s: f64,
@@ -106,17 +109,18 @@ pub(crate) struct ServerArgs {
 }
 
 impl ServerArgs {
-    pub(crate) fn config(self) -> ServerConfig {
+    pub(crate) fn config(self) -> Result<ServerConfig> {
         let mut retry = RetryPolicy::default();
         let first_pause = Duration::from_secs_f64(self.retry_pause_s);
         retry.worker = RetryLimit { attempts: self.worker_attempts, first_pause, ..retry.worker };
         retry.lost = RetryLimit { attempts: self.lost_attempts, first_pause: first_pause / 2, ..retry.lost };
-        ServerConfig {
+        Ok(ServerConfig {
             listen: self.listen,
             advertise: self.advertise,
             data: self.data,
             database: self.database.address,
             objects: self.objects,
+            sign_in: self.sign_in.settings()?,
             heartbeat: Duration::from_secs_f64(self.heartbeat_s),
             lease: Duration::from_secs_f64(self.lease_s),
             limits: Limits { max_subparticles: self.max_subparticles, max_steps: self.max_steps },
@@ -132,7 +136,7 @@ impl ServerArgs {
             prune_after: self.prune_after,
             retry,
             ..ServerConfig::default()
-        }
+        })
     }
 }
 
@@ -141,7 +145,7 @@ const MAX_HOST_BYTES: usize = 50;
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let shutdown = signals::shutdown_token()?;
-    let server = Server::bind(args.server.config()).await?;
+    let server = Server::bind(args.server.config()?).await?;
     print_line(format_args!("listening on http://{}", server.local_addr()))?;
     server.run(shutdown).await?;
     Ok(Exit::Done)

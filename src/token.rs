@@ -1,5 +1,7 @@
 //! `roost token`: access tokens of a server.
 
+use std::time::Duration;
+
 use anyhow::{Result, bail};
 use clap::Subcommand;
 use roost_api::job::MAX_NAME_BYTES;
@@ -43,6 +45,9 @@ enum Action {
         /// Project of the token, from `roost project list`
         #[arg(long, default_value = DEFAULT_PROJECT, value_name = "NAME")]
         project: String,
+        /// Age at which the token expires, such as 12h, 30d or 8w; without this option, the token never expires
+        #[arg(long, value_name = "AGE", value_parser = lifetime)]
+        expires: Option<Duration>,
     },
     /// List all tokens, without their secrets
     List,
@@ -58,11 +63,14 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let is_new = is_first && args.data.database.address.is_none() && !args.data.folder.exists();
     let mut tokens = args.data.open(is_first).await?;
     match args.action {
-        Action::Create { scopes, name, user, project } => {
+        Action::Create { scopes, name, user, project, expires } => {
             let was_open = tokens.list().await?.is_empty();
             let user = user.as_deref().unwrap_or(&name);
-            let token = NewToken { name: &name, user, project: &project, scopes: &scopes };
-            let (view, secret) = tokens.create_for(token, Timestamp::now()).await?;
+            let now = Timestamp::now();
+            let expires_at =
+                expires.map(|age| now.plus_ms(i64::try_from(age.as_millis()).unwrap_or(i64::MAX)));
+            let token = NewToken { name: &name, user, project: &project, scopes: &scopes, expires_at };
+            let (view, secret) = tokens.create_for(token, now).await?;
             if args.json {
                 print_json(&json!({"token": secret, "view": view}))?;
             } else {
@@ -94,7 +102,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
                 bail!("no valid token has the id {id}; `roost token list` shows all");
             }
             message!("revoked; a running server follows within a second");
-            if !tokens.has_valid().await? {
+            if !tokens.has_valid(Timestamp::now()).await? {
                 message!(
                     "warning: no token is valid now; the server answers 401 until `roost token create` makes one"
                 );
@@ -103,6 +111,12 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     }
     tokens.close().await?;
     Ok(Exit::Done)
+}
+
+/// Reads an age that is not zero.
+fn lifetime(text: &str) -> Result<Duration, String> {
+    let found = crate::prune::age(text).ok().filter(|age| !age.is_zero());
+    found.ok_or_else(|| "write a number of hours, days or weeks from 1h, such as 12h, 30d or 8w".to_owned())
 }
 
 /// Reads the name of a user.
@@ -115,10 +129,10 @@ fn user(text: &str) -> Result<String, String> {
 }
 
 fn table(tokens: &[TokenView]) -> Table {
-    let mut table = Table::new(["id", "name", "user", "project", "scopes", "created", "revoked"]);
+    let mut table = Table::new(["id", "name", "user", "project", "scopes", "created", "expires", "revoked"]);
     for token in tokens {
         let scopes: Vec<_> = token.scopes.iter().map(|scope| scope.as_str()).collect();
-        let revoked = token.revoked_at.map_or_else(|| "–".to_owned(), |moment| moment.to_string());
+        let moment = |moment: Option<Timestamp>| moment.map_or_else(|| "–".to_owned(), |it| it.to_string());
         table.row([
             token.id.clone(),
             token.name.clone(),
@@ -126,7 +140,8 @@ fn table(tokens: &[TokenView]) -> Table {
             token.project.clone(),
             scopes.join(" "),
             token.created_at.to_string(),
-            revoked,
+            moment(token.expires_at),
+            moment(token.revoked_at),
         ]);
     }
     table

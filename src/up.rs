@@ -29,7 +29,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let device = args.worker.device()?;
     let credentials = args.access.read()?;
     let worker = |address| WorkerConfig { credentials, ..args.worker.config(address, state, device) };
-    let mut farm = Farm::start(args.server.config(), worker).await?;
+    let mut farm = Farm::start(args.server.config()?, worker).await?;
     print_line(format_args!("listening on {}", farm.address))?;
     tokio::select! {
         () = shutdown.cancelled() => farm.stop().await.map(|()| Exit::Done),

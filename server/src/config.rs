@@ -8,12 +8,13 @@ use roost_solver::Limits;
 
 use crate::data::DATABASE;
 use crate::queue::RetryPolicy;
+use crate::sign_in::SignInSettings;
 use crate::store::{Bucket, Location};
 
 /// The settings of a server.
 #[derive(Clone, Debug)]
 pub struct ServerConfig {
-    /// Address to listen on; port 0 lets the system choose. Without tokens it must be a loopback address.
+    /// Address to listen on; port 0 lets the system choose. Without tokens and sign-in it must be a loopback address.
     pub listen: SocketAddr,
     /// Host and port at which the other servers of a database of PostgreSQL reach this one; none for `listen`.
     pub advertise: Option<String>,
@@ -23,6 +24,8 @@ pub struct ServerConfig {
     pub database: Option<Location>,
     /// Bucket for objects; without it they are in the data directory.
     pub objects: Option<Bucket>,
+    /// Sign-in with an identity provider, if there is one.
+    pub sign_in: Option<SignInSettings>,
     /// Duration of a lease after a heartbeat.
     pub lease: Duration,
     /// Interval between heartbeats of a worker.
@@ -89,6 +92,7 @@ impl Default for ServerConfig {
             data: PathBuf::from("roost-data"),
             database: None,
             objects: None,
+            sign_in: None,
             lease: Duration::from_secs(15),
             heartbeat: Duration::from_secs(2),
             max_claim_wait: Duration::from_secs(30),

@@ -10,6 +10,7 @@
 //! | `measurements` | reads what a laboratory measured, pure |
 //! | `study` | reads studies, and states their answers, pure |
 //! | `workbook` | writes tables for Excel |
+//! | `sign_in` | signs users in with an identity provider; knows neither axum nor sqlx |
 //! | `decider` | grows studies: a background task |
 //! | `store` | the database, SQLite or PostgreSQL, and the objects; the only module with sqlx |
 //! | `reaper` | background tasks |
@@ -31,6 +32,7 @@ mod queue;
 mod reaper;
 mod repeated_failure;
 mod server;
+mod sign_in;
 mod state;
 mod store;
 mod study;
@@ -46,6 +48,7 @@ pub use measurements::{Lab, Target, TestTargets, read as read_measurements};
 pub use queue::{RetryLimit, RetryPolicy};
 pub use roost_solver::Limits;
 pub use server::{Server, ServerError};
+pub use sign_in::{SignInOptions, SignInSettings};
 pub use store::{
     BackupReport, Bucket, BucketError, CopiedTable, Location, LocationError, NewToken, ProjectChange,
     ProjectError, StoreError, TokenFile,

@@ -92,6 +92,10 @@ async fn delete_old(app: &App) {
         if let Err(error) = app.store.forget_before(ago(app, app.config.memory)).await {
             tracing::error!(error = error.as_dyn(), "deleting old events failed");
         }
+        // For some time, a session that has expired is refused as such.
+        if let Err(error) = app.store.forget_sessions(ago(app, app.config.memory)).await {
+            tracing::error!(error = error.as_dyn(), "deleting expired sessions failed");
+        }
         let (unused, withdrawn) = (ago(app, app.config.fill_max_age), ago(app, WITHDRAWN));
         match app.store.prune_fills(unused, withdrawn).await {
             Ok(0) => {}

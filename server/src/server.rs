@@ -29,7 +29,7 @@ pub enum ServerError {
     /// Other machines can reach the address, and there is no access token.
     #[error(
         "refusing to listen on {0} without access tokens, since other machines can reach it: make a token in the same `--data` with \
-         `roost token create --scope admin`, or listen on a loopback address such as 127.0.0.1"
+         `roost token create --scope admin`, let users sign in with `--oidc-issuer`, or listen on a loopback address such as 127.0.0.1"
     )]
     NotLoopback(SocketAddr),
     /// The address is in use or does not belong to this machine.
@@ -92,7 +92,7 @@ impl Server {
         let address = config.listen;
         let is_new = config.database.is_none() && !config.data.join(DATABASE).exists();
         // Without a database there are no tokens: refuse before creating files.
-        if !address.ip().is_loopback() && is_new {
+        if !address.ip().is_loopback() && is_new && config.sign_in.is_none() {
             return Err(ServerError::NotLoopback(address));
         }
         // The address first: a failure leaves no directory behind.

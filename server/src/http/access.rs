@@ -109,10 +109,18 @@ fn is_loopback(host: &str) -> bool {
 pub(crate) async fn guard(State(app): State<App>, mut request: Request, next: Next) -> Response {
     let Some(path) = request.extensions().get::<MatchedPath>() else { return next.run(request).await };
     let scopes = scopes_of(request.method(), path.as_str());
+    let record = audit::RequestRecord::of(&request);
     if scopes.is_empty() {
+        // A page of another site may not end a session. The provider may send the browser to the callback.
+        if !matches!(*request.method(), Method::GET | Method::HEAD)
+            && let Err(error) = refuse_foreign_pages(&app, &request)
+        {
+            let response = error.into_response();
+            audit::log_refusal(&app.refusal_limit, &record, None, &response);
+            return response;
+        }
         return next.run(request).await;
     }
-    let record = audit::RequestRecord::of(&request);
     let caller = match admit(&app, &request, scopes) {
         Ok(caller) => caller,
         Err(Refused { caller, response }) => {
@@ -150,7 +158,7 @@ fn admit(app: &App, request: &Request, scopes: &'static [Scope]) -> Result<Calle
 /// The answer to a refused request, with the header that its status asks for.
 fn refusal(error: AccessError) -> Response {
     let header = match error {
-        AccessError::NoToken | AccessError::InvalidToken => {
+        AccessError::NoToken | AccessError::InvalidToken | AccessError::ExpiredToken { .. } => {
             Some((header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer")))
         }
         AccessError::TooManyRequests { wait_s, .. } => Some((header::RETRY_AFTER, wait_s.into())),

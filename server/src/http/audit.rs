@@ -6,12 +6,13 @@
 use std::net::SocketAddr;
 
 use axum::extract::{ConnectInfo, MatchedPath, Request};
-use axum::http::{HeaderMap, HeaderValue, Method, header};
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::Response;
 use uuid::Uuid;
 
 use super::problem::ProblemKind;
+use crate::sign_in::SignInError;
 use crate::state::Caller;
 use crate::state::audit::{MAX_TEXT_BYTES, RefusalLimit, shortened};
 
@@ -122,6 +123,37 @@ impl Drop for Pending {
             request = record.request, peer = record.peer, forwarded_for = record.forwarded_for, path = record.path, "unanswered"
         );
     }
+}
+
+/// Logs the begin or end of a session of an identity provider.
+pub(super) fn log_session(
+    action: &'static str,
+    record: &RequestRecord,
+    token: &str,
+    user: &str,
+    project: &str,
+) {
+    tracing::info!(
+        target: "audit", action, token, user = shortened(user), project, request = record.request, peer = record.peer,
+        forwarded_for = record.forwarded_for, path = record.path, "done"
+    );
+}
+
+/// Logs a sign-in that failed.
+pub(super) fn log_failed_sign_in(
+    limit: &RefusalLimit,
+    record: &RequestRecord,
+    error: &SignInError,
+    status: StatusCode,
+) {
+    let Some(left_out) = limit.take() else { return };
+    let left_out = Some(left_out).filter(|count| *count > 0);
+    let (reason, cause) = (error.to_string(), error.cause());
+    tracing::warn!(
+        target: "audit", action = "refuse", request = record.request, peer = record.peer, forwarded_for = record.forwarded_for,
+        method = shortened(record.method.as_str()), path = record.path, status = status.as_u16(), reason = shortened(&reason),
+        cause = cause.as_deref().map(shortened), left_out, "sign-in failed"
+    );
 }
 
 /// Logs a refused access, with the token if a valid one was sent.

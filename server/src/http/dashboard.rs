@@ -11,7 +11,7 @@ use axum::Router;
 use axum::extract::Path;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use axum::routing::{get, post};
+use axum::routing::get;
 
 use super::etags::matches_etag;
 use super::problem::{ApiError, ProblemKind};
@@ -102,7 +102,7 @@ const fn fixed(value: &'static str) -> HeaderValue {
 pub(super) fn router() -> Router<App> {
     let pages = PAGES.iter().fold(Router::new(), |router, path| router.route(path, get(page)));
     pages
-        .route("/dashboard/session", post(session::begin).delete(session::end))
+        .route("/dashboard/session", get(session::show).post(session::begin).delete(session::end))
         .route("/dashboard/{*file}", get(file))
 }
 

@@ -34,6 +34,7 @@ mod safety;
 mod seeding;
 mod series;
 mod session;
+mod sign_in;
 mod spec;
 mod stored_result;
 mod studies;
@@ -219,6 +220,7 @@ fn router(app: App) -> Router {
     router
         .merge(docs)
         .merge(dashboard::router())
+        .merge(sign_in::router())
         .fallback(unknown_path)
         .method_not_allowed_fallback(wrong_method)
         .layer(from_fn_with_state(app.clone(), etags::add_etag))

@@ -143,7 +143,9 @@ impl From<StoreError> for ApiError {
 impl From<AccessError> for ApiError {
     fn from(error: AccessError) -> Self {
         let kind = match error {
-            AccessError::NoToken | AccessError::InvalidToken => ProblemKind::Unauthorized,
+            AccessError::NoToken | AccessError::InvalidToken | AccessError::ExpiredToken { .. } => {
+                ProblemKind::Unauthorized
+            }
             AccessError::MissingScope { .. } => ProblemKind::Forbidden,
             AccessError::TooManyRequests { .. } => ProblemKind::TooManyRequests,
         };

@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::sync::{Arc, Mutex};
 
+use roost_api::time::Timestamp;
 use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
@@ -10,6 +11,7 @@ use tokio_util::sync::CancellationToken;
 use super::{ServerError, Site, retry_in_use};
 use crate::clock::Clock;
 use crate::queue::lease_end;
+use crate::sign_in::{SignIn, SignInSettings};
 use crate::state::{Access, App, AppState, MeshCache, Metrics};
 use crate::store::{Location, OBJECTS, Store};
 use crate::{data, decider, http, reaper};
@@ -33,13 +35,23 @@ impl Leading {
         let lock = lock.await?;
         let store = Store::open(place, &config.data.join(OBJECTS), config.objects.as_ref()).await?;
         let (tokens, is_loopback) = (store.tokens().await?, address.ip().is_loopback());
-        if !is_loopback && tokens.iter().all(|token| token.is_revoked) {
+        let (has_sign_in, now) = (config.sign_in.is_some(), Timestamp::now());
+        if !is_loopback && !has_sign_in && !tokens.iter().any(|token| token.is_valid(now)) {
             store.close().await;
             return Err(ServerError::NotLoopback(address));
         }
         let projects = store.project_values().await?;
         let (max_requests_per_s, max_result_bytes) = (config.max_requests_per_s, config.max_result_bytes);
-        let access = Access::new(max_requests_per_s, is_loopback, tokens);
+        let access = Access::new(max_requests_per_s, is_loopback, has_sign_in, tokens);
+        let sign_in = config.sign_in.clone().map(SignIn::new);
+        for project in config.sign_in.iter().flat_map(SignInSettings::projects) {
+            if !projects.contains_key(project) {
+                tracing::warn!(
+                    project,
+                    "--oidc-allow names a project that does not exist: create it with `roost project create`"
+                );
+            }
+        }
         let newest_at_start = store.newest_record().await?;
         let clock = Clock::start();
         let running = store.renew_all_leases(lease_end(clock.lease_now(), config.lease)).await?;
@@ -65,6 +77,8 @@ impl Leading {
             connections,
             metrics,
             access,
+            sign_in,
+            following: Default::default(),
             projects: Mutex::new(projects),
             recent_counts: Default::default(),
             refusal_limit: Default::default(),

@@ -2,7 +2,7 @@
 //!
 //! A server is open only while no token has ever existed and its address is a loopback address. Afterwards
 //! every caller needs a valid token. Losing the last token closes the server; it never opens the server
-//! again.
+//! again. On a server with sign-in by an identity provider, every caller needs a token or a session from the start.
 
 use std::collections::HashMap;
 use std::num::NonZeroU32;
@@ -11,6 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use governor::clock::{Clock as _, DefaultClock};
 use governor::{DefaultKeyedRateLimiter, Quota, RateLimiter};
 use roost_api::project::DEFAULT_PROJECT;
+use roost_api::time::Timestamp;
 use roost_api::token::Scope;
 
 use crate::store::Token;
@@ -26,6 +27,8 @@ pub(crate) struct Caller {
     pub(crate) project: Arc<str>,
     /// What the token allows.
     pub(crate) scopes: Vec<Scope>,
+    /// Hash of the secret that was sent: a token has another one for each session.
+    hash: Option<blake3::Hash>,
 }
 
 impl Caller {
@@ -73,6 +76,15 @@ pub(crate) enum AccessError {
         "the token is unknown or revoked: `roost token list` shows valid tokens, `roost token create` makes one"
     )]
     InvalidToken,
+    /// The token or the session has expired.
+    #[error("the {what} expired at {at}: {advice}", what = if *is_session { "session" } else { "token" },
+            advice = if *is_session { "sign in again" } else { "`roost token create` makes another one" })]
+    ExpiredToken {
+        /// When it expired.
+        at: Timestamp,
+        /// Whether it began with a sign-in.
+        is_session: bool,
+    },
     /// The token is valid and lacks every scope that would do.
     #[error("this request needs a token with the scope {}", names(needed))]
     MissingScope {
@@ -105,6 +117,14 @@ enum Admission {
     Bearers(Arc<[Token]>),
 }
 
+impl Admission {
+    /// Whether no token is valid.
+    fn is_closed(&self) -> bool {
+        let now = Timestamp::now();
+        matches!(self, Self::Bearers(tokens) if !tokens.iter().any(|token| token.is_valid(now)))
+    }
+}
+
 /// Tokens in effect, and the request rate of each.
 pub(crate) struct Access {
     admission: RwLock<Admission>,
@@ -112,13 +132,15 @@ pub(crate) struct Access {
     logged: Mutex<HashMap<String, bool>>,
     rate: Option<DefaultKeyedRateLimiter<Arc<str>>>,
     max_per_s: u32,
+    /// Whether users can sign in with an identity provider.
+    has_sign_in: bool,
 }
 
 impl Access {
     /// Access with all tokens that exist, revoked ones included. `max_per_s` limits each token; 0 is no limit.
-    pub(crate) fn new(max_per_s: u32, is_loopback: bool, tokens: Vec<Token>) -> Self {
+    pub(crate) fn new(max_per_s: u32, is_loopback: bool, has_sign_in: bool, tokens: Vec<Token>) -> Self {
         let logged = tokens.iter().map(|token| (token.id.clone(), token.is_revoked)).collect();
-        let admission = if tokens.is_empty() && is_loopback {
+        let admission = if tokens.is_empty() && is_loopback && !has_sign_in {
             Admission::Everybody
         } else {
             Admission::Bearers(valid(tokens))
@@ -128,6 +150,7 @@ impl Access {
             logged: Mutex::new(logged),
             rate: NonZeroU32::new(max_per_s).map(Quota::per_second).map(RateLimiter::keyed),
             max_per_s,
+            has_sign_in,
         };
         access.log_if_closed();
         access
@@ -140,7 +163,7 @@ impl Access {
             return;
         }
         self.log_changes(&tokens);
-        let had_tokens = !matches!(&before, Admission::Bearers(tokens) if tokens.is_empty());
+        let had_tokens = !before.is_closed();
         *self.admission.write().unwrap_or_else(PoisonError::into_inner) = Admission::Bearers(valid(tokens));
         if had_tokens {
             self.log_if_closed();
@@ -152,7 +175,7 @@ impl Access {
     }
 
     fn log_if_closed(&self) {
-        if matches!(self.admission(), Admission::Bearers(tokens) if tokens.is_empty()) {
+        if self.admission().is_closed() && !self.has_sign_in {
             tracing::error!(
                 "no access token is valid: every request is answered 401; `roost token create` makes a token"
             );
@@ -181,7 +204,10 @@ impl Access {
     pub(crate) fn still_admits(&self, caller: &Caller) -> bool {
         match self.admission() {
             Admission::Everybody => true,
-            Admission::Bearers(tokens) => tokens.iter().any(|token| *token.id == *caller.token),
+            Admission::Bearers(tokens) => {
+                let now = Timestamp::now();
+                tokens.iter().any(|token| caller.hash == Some(token.hash) && token.is_valid(now))
+            }
         }
     }
 
@@ -197,11 +223,15 @@ impl Access {
             }
         }
         let token = found.ok_or(AccessError::InvalidToken)?;
+        if let Some(at) = token.expires_at.filter(|_| token.has_expired(Timestamp::now())) {
+            return Err(AccessError::ExpiredToken { at, is_session: token.is_session });
+        }
         Ok(Caller {
             token: token.id.as_str().into(),
             user: token.user.as_str().into(),
             project: token.project.as_str().into(),
             scopes: token.scopes.clone(),
+            hash: Some(hash),
         })
     }
 
@@ -215,6 +245,7 @@ impl Access {
     }
 }
 
+/// Expired ones stay, so that their error says so.
 fn valid(tokens: Vec<Token>) -> Arc<[Token]> {
     tokens.into_iter().filter(|token| !token.is_revoked).collect()
 }

@@ -32,6 +32,7 @@ use tokio_util::sync::CancellationToken;
 
 use crate::clock::Clock;
 use crate::config::ServerConfig;
+use crate::sign_in::SignIn;
 use crate::store::{ProjectValues, Store, StoreError};
 use crate::sweep::Response;
 pub(crate) use access::{Access, AccessError, Caller};
@@ -78,6 +79,10 @@ pub(crate) struct AppState {
     pub(crate) connections: Arc<Connections>,
     pub(crate) metrics: Metrics,
     pub(crate) access: Access,
+    /// Sign-in with an identity provider, if there is one.
+    pub(crate) sign_in: Option<SignIn>,
+    /// Held while changes are taken over.
+    pub(crate) following: tokio::sync::Mutex<()>,
     /// The values of projects at the last check.
     pub(crate) projects: Mutex<BTreeMap<String, ProjectValues>>,
     /// Numbers of the jobs of projects.
@@ -107,6 +112,8 @@ pub(crate) struct AppState {
 impl AppState {
     /// Takes over changes that `roost token` and `roost project` made, and logs them. Claims wake when a project has more budget.
     pub(crate) async fn follow_changes(&self) -> Result<(), StoreError> {
+        // An older view of the tokens shall not replace a newer one.
+        let _turn = self.following.lock().await;
         self.access.update(self.store.tokens().await?);
         let projects = self.store.project_values().await?;
         let before = {

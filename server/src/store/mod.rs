@@ -36,6 +36,7 @@ mod observations;
 mod projects;
 mod prune;
 mod results;
+mod sessions;
 #[cfg(test)]
 mod simulation;
 mod speeds;
@@ -88,6 +89,7 @@ pub(crate) use objects::{StageError, Staged};
 pub(crate) use observations::HandedOutRun;
 pub use projects::{ProjectChange, ProjectError};
 pub(crate) use projects::{ProjectCounts, ProjectValues};
+pub(crate) use sessions::NewSession;
 pub(crate) use speeds::{RunningJob, StoredScenario};
 pub(crate) use studies::{MAX_PROPOSALS, NewStudy, StoredStudy};
 pub(crate) use submissions::{StoredResponse, Submission, SubmissionState};

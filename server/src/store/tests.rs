@@ -17,6 +17,7 @@ mod observations;
 mod postgres;
 mod projects;
 mod query_plans;
+mod sessions;
 mod waits;
 
 async fn store() -> (Store, tempfile::TempDir) {

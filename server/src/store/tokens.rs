@@ -21,13 +21,31 @@ pub(crate) struct Token {
     pub(crate) hash: blake3::Hash,
     pub(crate) scopes: Vec<Scope>,
     pub(crate) is_revoked: bool,
+    pub(crate) expires_at: Option<Timestamp>,
+    /// Whether a sign-in made its secret.
+    pub(crate) is_session: bool,
+}
+
+impl Token {
+    /// Whether it was neither revoked nor has expired.
+    pub(crate) fn is_valid(&self, now: Timestamp) -> bool {
+        !self.is_revoked && !self.has_expired(now)
+    }
+
+    /// Whether its time is over.
+    pub(crate) fn has_expired(&self, now: Timestamp) -> bool {
+        self.expires_at.is_some_and(|end| end <= now)
+    }
 }
 
 impl Store {
-    /// All tokens, revoked ones included: a server without tokens admits everybody, one with only revoked tokens nobody.
+    /// All tokens, revoked and expired ones included: a server without tokens admits everybody, one without valid tokens nobody. A token
+    /// comes once more for each session, with the secret and the expiry of the session.
     pub(crate) async fn tokens(&self) -> Result<Vec<Token>, StoreError> {
-        let sql = "SELECT t.id, t.name, t.user_name, p.name AS project_name, t.hash, t.scopes, t.revoked_at IS NOT NULL AS is_revoked
-                   FROM tokens t JOIN projects p ON p.id = t.project";
+        let sql = "SELECT t.id, t.name, t.user_name, p.name AS project_name, s.hash, t.scopes, t.revoked_at IS NOT NULL AS is_revoked, s.expires_at, s.is_session
+                   FROM (SELECT id, hash, expires_at, 0 AS is_session FROM tokens
+                         UNION ALL SELECT token_id, hash, expires_at, 1 FROM sessions) AS s
+                   JOIN tokens t ON t.id = s.id JOIN projects p ON p.id = t.project";
         let rows = query(sql).fetch_all(&self.readers).await?;
         let token = |row: &Row| {
             let hash: String = row.column("hash")?;
@@ -40,6 +58,8 @@ impl Store {
                 hash,
                 scopes: row.json("scopes")?,
                 is_revoked: row.column("is_revoked")?,
+                expires_at: row.moment_opt("expires_at")?,
+                is_session: row.column("is_session")?,
             })
         };
         rows.iter().map(token).collect()
@@ -60,6 +80,14 @@ pub struct NewToken<'a> {
     pub project: &'a str,
     /// Its scopes.
     pub scopes: &'a [Scope],
+    /// When it expires; none for never.
+    pub expires_at: Option<Timestamp>,
+}
+
+/// A new secret of a token.
+pub(super) fn new_secret() -> String {
+    // 244 bits of the system's random numbers.
+    format!("roost_{}{}", Uuid::new_v4().simple(), Uuid::new_v4().simple())
 }
 
 impl TokenFile {
@@ -87,7 +115,11 @@ impl TokenFile {
         scopes: &[Scope],
         now: Timestamp,
     ) -> Result<(TokenView, String), ProjectError> {
-        self.create_for(NewToken { name, user: name, project: DEFAULT_PROJECT, scopes }, now).await
+        self.create_for(
+            NewToken { name, user: name, project: DEFAULT_PROJECT, scopes, expires_at: None },
+            now,
+        )
+        .await
     }
 
     /// Creates a token of a user in a project.
@@ -97,10 +129,9 @@ impl TokenFile {
         now: Timestamp,
     ) -> Result<(TokenView, String), ProjectError> {
         let project = self.project_id(token.project).await?;
-        // 244 bits of the system's random numbers.
-        let secret = format!("roost_{}{}", Uuid::new_v4().simple(), Uuid::new_v4().simple());
+        let secret = new_secret();
         let id = Uuid::now_v7().to_string();
-        let sql = "INSERT INTO tokens (id, name, hash, scopes, created_at, user_name, project) VALUES (?, ?, ?, ?, ?, ?, ?)";
+        let sql = "INSERT INTO tokens (id, name, hash, scopes, created_at, user_name, project, expires_at) VALUES (?, ?, ?, ?, ?, ?, ?, ?)";
         query(sql)
             .bind(&id)
             .bind(token.name)
@@ -109,6 +140,7 @@ impl TokenFile {
             .bind(now.0)
             .bind(token.user)
             .bind(project)
+            .bind(token.expires_at.map(|end| end.0))
             .execute(&mut self.0)
             .await
             .map_err(StoreError::from)?;
@@ -119,6 +151,7 @@ impl TokenFile {
             project: token.project.to_owned(),
             scopes: token.scopes.to_vec(),
             created_at: now,
+            expires_at: token.expires_at,
             revoked_at: None,
         };
         Ok((view, secret))
@@ -136,6 +169,7 @@ impl TokenFile {
                 project: row.column("project_name")?,
                 scopes: row.json("scopes")?,
                 created_at: row.moment("created_at")?,
+                expires_at: row.moment_opt("expires_at")?,
                 revoked_at: row.moment_opt("revoked_at")?,
             })
         };
@@ -153,9 +187,9 @@ impl TokenFile {
     }
 
     /// Whether a valid token exists.
-    pub async fn has_valid(&mut self) -> Result<bool, StoreError> {
-        let sql = "SELECT EXISTS (SELECT 1 FROM tokens WHERE revoked_at IS NULL)";
-        Ok(query_scalar(sql).fetch_one(&mut self.0).await?)
+    pub async fn has_valid(&mut self, now: Timestamp) -> Result<bool, StoreError> {
+        let sql = "SELECT EXISTS (SELECT 1 FROM tokens WHERE revoked_at IS NULL AND (expires_at IS NULL OR expires_at > ?))";
+        Ok(query_scalar(sql).bind(now.0).fetch_one(&mut self.0).await?)
     }
 
     /// Closes the file.

@@ -9,7 +9,7 @@ use super::location::open_alone;
 use super::{Location, StoreError};
 
 /// Every table, after those that it refers to.
-pub(super) const TABLES: [&str; 27] = [
+pub(super) const TABLES: [&str; 28] = [
     "workers",
     "sweeps",
     "design_points",
@@ -29,6 +29,7 @@ pub(super) const TABLES: [&str; 27] = [
     "events",
     "submissions",
     "tokens",
+    "sessions",
     "frames",
     "checkpoints",
     "fills",

@@ -131,9 +131,9 @@ async fn server_without_its_last_token_stays_closed() {
         let mut stream = server.http.get(url).bearer_auth(&secret).send().await.unwrap();
         assert!(stream.chunk().await.unwrap().is_some(), "the first event is the job");
 
-        assert!(tokens.has_valid().await.unwrap());
+        assert!(tokens.has_valid(Timestamp::now()).await.unwrap());
         tokens.revoke(&view.id, Timestamp::now()).await.unwrap();
-        assert!(!tokens.has_valid().await.unwrap());
+        assert!(!tokens.has_valid(Timestamp::now()).await.unwrap());
         tokens.close().await.unwrap();
         wait_for_status(&server, Some(&secret), 401).await;
         let ended = async { while stream.chunk().await.unwrap().is_some() {} };

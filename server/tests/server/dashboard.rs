@@ -78,8 +78,8 @@ async fn every_file_is_served_and_refers_only_to_served_files() {
         let again = server.http.get(format!("http://{}/dashboard/{name}", server.address));
         assert_eq!(again.header(IF_NONE_MATCH, tag).send().await.unwrap().status(), 304, "{name}");
     }
-    // Made at build time, and a route without a file.
-    served.extend(["plotly.min.js", "session"].map(str::to_owned));
+    // Made at build time, and routes without a file.
+    served.extend(["plotly.min.js", "session", "sign-in"].map(str::to_owned));
     let mut named = 0;
     for name in files() {
         let text = std::fs::read_to_string(folder().join(&name)).unwrap();

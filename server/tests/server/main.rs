@@ -12,6 +12,7 @@ mod designs;
 mod docs;
 mod etags;
 mod events;
+mod expiry;
 mod fences;
 mod fills;
 mod forecasts;
@@ -30,6 +31,7 @@ mod projects;
 mod retries;
 mod safety;
 mod series;
+mod sign_in;
 mod start_stop;
 #[path = "../../../tests/support/stl.rs"]
 mod stl;

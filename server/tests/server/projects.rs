@@ -27,8 +27,13 @@ async fn raised_budget_wakes_waiting_claims() {
     let dir = tempfile::tempdir().unwrap();
     let mut file = tokens_in(dir.path(), true).await.unwrap();
     file.create_project("wax", budget(0.0)).await.unwrap();
-    let token =
-        NewToken { name: "laptop", user: "Ada", project: "wax", scopes: &[Scope::Admin, Scope::Worker] };
+    let token = NewToken {
+        name: "laptop",
+        user: "Ada",
+        project: "wax",
+        scopes: &[Scope::Admin, Scope::Worker],
+        expires_at: None,
+    };
     let (_, secret) = file.create_for(token, Timestamp::now()).await.unwrap();
     file.close().await.unwrap();
     let server = TestServer::on(dir.path(), |config| config.lease = Duration::from_secs(2)).await;

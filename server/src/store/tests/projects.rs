@@ -52,7 +52,8 @@ async fn with_projects(place: &Place, projects: &[(&str, u32, usize)]) -> (Store
         file.create_project(project, share(*of_project)).await.unwrap();
         let mut ids = Vec::new();
         for _ in 0..*count {
-            let token = NewToken { name: "t", user: "u", project, scopes: &[Scope::Submit] };
+            let token =
+                NewToken { name: "t", user: "u", project, scopes: &[Scope::Submit], expires_at: None };
             ids.push(file.create_for(token, Timestamp(0)).await.unwrap().0.id);
         }
         tokens.push(ids);
@@ -277,7 +278,7 @@ async fn projects_are_checked_when_they_are_made_and_changed(place: Place) {
         matches!(file.create_project("a", share(1)).await, Err(ProjectError::Exists(name)) if name == "a")
     );
     assert!(matches!(file.set_project("b", share(1)).await, Err(ProjectError::Unknown(name)) if name == "b"));
-    let token = NewToken { project: "b", name: "", user: "", scopes: &[] };
+    let token = NewToken { project: "b", name: "", user: "", scopes: &[], expires_at: None };
     assert!(matches!(file.create_for(token, Timestamp(0)).await, Err(ProjectError::Unknown(_))));
     // Each value changes alone.
     file.set_project("a", share(3)).await.unwrap();

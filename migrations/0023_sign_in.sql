@@ -1,0 +1,19 @@
+-- Tokens that expire, and sessions of users who signed in with an identity provider.
+
+ALTER TABLE tokens ADD COLUMN expires_at INTEGER;
+
+-- Issuer and subject of a user at the identity provider; null for tokens that `roost token` made.
+ALTER TABLE tokens ADD COLUMN identity TEXT;
+
+-- One token for each user and project, however often the user signs in: each token has its own turns in the queue.
+CREATE UNIQUE INDEX tokens_by_identity ON tokens (identity, user_name, project) WHERE identity IS NOT NULL AND revoked_at IS NULL;
+
+-- A session is another secret of a token. The secret itself is nowhere.
+CREATE TABLE sessions (
+    hash       TEXT    NOT NULL PRIMARY KEY,                  -- blake3
+    token_id   TEXT    NOT NULL REFERENCES tokens (id),
+    created_at INTEGER NOT NULL,
+    expires_at INTEGER NOT NULL
+) STRICT;
+
+CREATE INDEX sessions_by_token ON sessions (token_id, created_at);

@@ -1,0 +1,96 @@
+//! The options of a server for sign-in with an identity provider.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use roost_server::{SignInOptions, SignInSettings};
+
+use crate::interval;
+
+/// The options. All of them are texts here, so that one error names all faults.
+#[derive(Debug, clap::Args)]
+pub(crate) struct SignInArgs {
+    /// Issuer of the OpenID Connect provider with which users sign in to the dashboard, exactly as the provider names itself
+    #[arg(long = "oidc-issuer", env = "ROOST_OIDC_ISSUER", hide_env_values = true, value_name = "URL")]
+    issuer: Option<String>,
+    /// Client id of this server at the provider
+    #[arg(long = "oidc-client-id", env = "ROOST_OIDC_CLIENT_ID", hide_env_values = true, value_name = "ID")]
+    client_id: Option<String>,
+    /// File with the client secret of this server
+    #[arg(
+        long = "oidc-client-secret-file",
+        env = "ROOST_OIDC_CLIENT_SECRET_FILE",
+        hide_env_values = true,
+        value_name = "FILE"
+    )]
+    client_secret_file: Option<PathBuf>,
+    /// Address of this server in browsers, such as https://roost.example. The provider sends browsers back to
+    /// `/dashboard/sign-in/callback` there
+    #[arg(long = "oidc-redirect", env = "ROOST_OIDC_REDIRECT", hide_env_values = true, value_name = "URL")]
+    redirect: Option<String>,
+    /// Rule who may sign in: users of a group of the provider get a scope in a project; `*` means every user of the provider. The
+    /// option may be given several times, and the variable has one rule a line. The first rule that fits gives the project of a
+    /// user, and all rules that fit in this project give scopes
+    #[arg(
+        long = "oidc-allow",
+        env = "ROOST_OIDC_ALLOW",
+        hide_env_values = true,
+        value_delimiter = '\n',
+        value_name = "GROUP=PROJECT:SCOPE"
+    )]
+    allow: Vec<String>,
+    /// Claim with the groups of a user
+    #[arg(
+        long = "oidc-groups-claim",
+        env = "ROOST_OIDC_GROUPS_CLAIM",
+        hide_env_values = true,
+        default_value = "groups",
+        value_name = "CLAIM"
+    )]
+    groups_claim: String,
+    /// Claim with the name of a user. If the claim is missing, or is an e-mail address that the provider has not verified, the server
+    /// takes `preferred_username`, or else `sub`
+    #[arg(
+        long = "oidc-user-claim",
+        env = "ROOST_OIDC_USER_CLAIM",
+        hide_env_values = true,
+        default_value = "email",
+        value_name = "CLAIM"
+    )]
+    user_claim: String,
+    /// Time after which a user signs in again, such as 30m or 12h
+    #[arg(
+        long = "oidc-session",
+        env = "ROOST_OIDC_SESSION",
+        hide_env_values = true,
+        default_value = "12h",
+        value_name = "TIME"
+    )]
+    session: String,
+}
+
+impl SignInArgs {
+    /// The settings; none without the options.
+    pub(crate) fn settings(self) -> Result<Option<SignInSettings>> {
+        let session = interval::time(&self.session)
+            .map_err(|allowed| format!("--oidc-session {:?} is not allowed: {allowed}", self.session));
+        let options = SignInOptions {
+            issuer: self.issuer,
+            client_id: self.client_id,
+            client_secret_file: self.client_secret_file,
+            redirect: self.redirect,
+            allow: self.allow.into_iter().filter(|rule| !rule.trim().is_empty()).collect(),
+            groups_claim: self.groups_claim,
+            user_claim: self.user_claim,
+            session: session.clone().unwrap_or_default(),
+        };
+        let found = SignInSettings::of(&options);
+        let faults: Vec<_> =
+            found.as_ref().err().into_iter().flatten().chain(session.as_ref().err()).collect();
+        if faults.is_empty() {
+            return Ok(found.unwrap_or_default());
+        }
+        let lines: Vec<_> = faults.iter().map(|fault| format!("\n  {fault}")).collect();
+        bail!("the options of sign-in have {} fault(s):{}", lines.len(), lines.concat())
+    }
+}
