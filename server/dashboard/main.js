@@ -42,7 +42,7 @@ const RENEW_MS = 5000;
 async function start() {
   applyTheme();
   setInterval(keepTime, RENEW_MS);
-  addSignOut(/** @type {HTMLElement} */ (document.querySelector("header")));
+  addSignOut(/** @type {HTMLElement} */ (document.querySelector("header"))).catch(() => {});
   const links = /** @type {NodeListOf<HTMLAnchorElement>} */ (document.querySelectorAll("nav a"));
   for (const link of links) {
     const path = new URL(link.href).pathname;

@@ -1,10 +1,16 @@
 // @ts-check
-// Signing in where the server has tokens. The token becomes a cookie that no script can read.
+// Signing in where the server has tokens, with a token or with an identity provider. Either becomes a cookie that no script can read.
 
 import { h } from "./dom.js";
 
 /** Key of local storage: whether this browser has signed in before. Only the server knows whether the session is still valid. */
 const SIGNED_IN = "signed in";
+
+/**
+ * Asks the server for the session of this browser, and for its identity provider.
+ * @returns {Promise<{ provider: string | null, session: { user: string, project: string } | null }>}
+ */
+const readSession = async () => (await fetch("/dashboard/session")).json();
 
 /** Opens the dialog that asks for a token, at most one at a time, and reloads the page after success. */
 export function signIn() {
@@ -22,8 +28,16 @@ export function signIn() {
     }
   };
   const had_session = localStorage.getItem(SIGNED_IN) !== null;
+  const title = h("h2", { id: "sign-in" }, had_session ? "The token is no longer valid" : "This server needs a token");
+  const by_provider = h("p", { hidden: true });
+  readSession().then(({ provider }) => {
+    if (!provider) return;
+    title.textContent = had_session ? "The session has ended" : "This server needs a sign-in";
+    by_provider.append(h("button", { type: "button", class: "main", onclick: () => location.assign("/dashboard/sign-in") }, `Sign in with ${provider}`));
+    by_provider.hidden = false;
+  }).catch(() => {});
   const dialog = h("dialog", { "aria-labelledby": "sign-in", onclose: () => void dialog.remove() },
-    h("form", { onsubmit: submit }, h("h2", { id: "sign-in" }, had_session ? "The token is no longer valid" : "This server needs a token"),
+    h("form", { onsubmit: submit }, title, by_provider,
       h("p", {}, "To get one, run ", h("code", {}, "roost token create --scope submit"), " on the server. Scope ", h("code", {}, "read"), " is enough to view."),
       h("p", {}, h("label", { class: "field" }, "Token", token)), errors, h("button", { class: "main" }, "Sign in")));
   document.body.append(dialog);
@@ -31,12 +45,14 @@ export function signIn() {
 }
 
 /**
- * Adds a button to sign out, where this browser has signed in.
+ * Adds the user and a button to sign out, where this browser has signed in.
  * @param {HTMLElement} header
  */
-export function addSignOut(header) {
-  if (localStorage.getItem(SIGNED_IN) === null) return;
-  header.append(h("button", { type: "button", onclick: async () => {
+export async function addSignOut(header) {
+  const { session } = await readSession();
+  if (!session) return;
+  localStorage.setItem(SIGNED_IN, "yes");
+  header.append(h("span", { class: "dim user" }, session.user), h("button", { type: "button", onclick: async () => {
     await fetch("/dashboard/session", { method: "DELETE" });
     localStorage.removeItem(SIGNED_IN);
     location.reload();
