@@ -54,6 +54,8 @@ deny: needs
 # What the tests of the Python package need: interpreter, packages and mypy from PyPI, pyright from npm, all by hash. With uv, since pip needs a minute of processor time.
 PYTHON_TOOLS := target/tools/python
 PYRIGHT := target/tools/pyright
+# An identity provider, for the tests of sign-in.
+PROVIDER := target/tools/provider
 python-tools: NEEDS += python3:python3-venv node:nodejs npm:npm
 python-tools: needs
 	@if ! cmp -s .ci/python.txt $(PYTHON_TOOLS)/requirements.txt; then \
@@ -61,6 +63,11 @@ python-tools: needs
 		python3 -m venv --clear $(PYTHON_TOOLS) && $(PYTHON_TOOLS)/bin/pip install --quiet --disable-pip-version-check \
 			--require-hashes --requirement .ci/uv.txt && $(PYTHON_TOOLS)/bin/uv pip install --quiet --python $(PYTHON_TOOLS) \
 			--require-hashes --requirement .ci/python.txt && cp .ci/python.txt $(PYTHON_TOOLS)/requirements.txt; \
+	fi
+	@if ! cmp -s .ci/provider.txt $(PROVIDER)/requirements.txt; then \
+		echo "installing an identity provider from PyPI into $(PROVIDER)"; \
+		python3 -m venv --clear --without-pip $(PROVIDER) && $(PYTHON_TOOLS)/bin/uv pip install --quiet --python $(PROVIDER) \
+			--require-hashes --requirement .ci/provider.txt && cp .ci/provider.txt $(PROVIDER)/requirements.txt; \
 	fi
 	@if ! cmp -s .ci/pyright/package-lock.json $(PYRIGHT)/package-lock.json; then \
 		echo "installing pyright from npm into $(PYRIGHT)"; \

@@ -3,6 +3,7 @@
 #![allow(dead_code, reason = "each test binary uses a part of this module")]
 
 pub(crate) mod flaky;
+pub(crate) mod provider;
 pub(crate) mod proxy;
 pub(crate) mod slurm;
 pub(crate) mod small_disk;
