@@ -15,6 +15,7 @@ mod page;
 mod playback;
 mod plots;
 mod projects;
+mod sign_in;
 mod studies;
 mod submit;
 mod visits;
