@@ -52,9 +52,14 @@ export async function addSignOut(header) {
   const { session } = await readSession();
   if (!session) return;
   localStorage.setItem(SIGNED_IN, "yes");
+  const errors = h("span", { role: "alert" });
   header.append(h("span", { class: "dim user" }, session.user), h("button", { type: "button", onclick: async () => {
-    await fetch("/dashboard/session", { method: "DELETE" });
+    const response = await fetch("/dashboard/session", { method: "DELETE" }).catch(() => null);
+    if (!response?.ok) {
+      errors.textContent = response ? `You are still signed in: the server answers ${response.status}.` : "You are still signed in: the server does not answer.";
+      return;
+    }
     localStorage.removeItem(SIGNED_IN);
     location.reload();
-  } }, "Sign out"));
+  } }, "Sign out"), errors);
 }
