@@ -160,7 +160,7 @@ fn sessions_of_a_user_share_a_token_and_end_alone() {
 #[test]
 fn a_refused_sign_in_says_why() {
     let site = Site::new();
-    let server = site.serve(&["--oidc-allow", "scientists=default:submit", "--oidc-session", "5s"]);
+    let server = site.serve(&["--oidc-allow", "scientists=default:submit", "--oidc-session", "10s"]);
     let refused = |page: &Page, status: u16, parts: &[&str]| {
         assert_eq!(page.status, status, "{}", page.text);
         assert!(parts.iter().all(|part| page.text.contains(part)), "{parts:?}: {}", page.text);
@@ -218,6 +218,57 @@ fn a_refused_sign_in_says_why() {
     let server = site.serve(&["--oidc-allow", "scientists=wax:submit"]);
     refused(&site.sign_in(&mut Visitor::new(), "ada"), 500, &["project wax does not exist"]);
     assert!(server.log().contains("names a project that does not exist"), "at the start too");
+}
+
+#[test]
+fn a_user_who_has_lost_a_group_loses_the_sessions_too() {
+    let site = Site::new();
+    let server = site.serve(&["--oidc-allow", "scientists=default:submit"]);
+    let (mut laptop, mut desk) = (Visitor::new(), Visitor::new());
+    assert_eq!(site.sign_in(&mut laptop, "ada").status, 200);
+    let lines = audit_lines(&server, "sign_in");
+    assert_eq!(lines[0]["scopes"], "submit", "{lines:?}");
+    server.terminate();
+    server.wait();
+    let server = site.serve(&["--oidc-allow", "staff=default:read"]);
+    let jobs = site.at("/v1/jobs");
+    assert_eq!(laptop.get(&jobs).status, 200, "sessions outlive the server");
+    let page = site.sign_in(&mut desk, "ada");
+    assert!(page.status == 403 && page.text.contains("No rule"), "{}: {}", page.status, page.text);
+    assert_eq!(laptop.get(&jobs).status, 401, "at once");
+    let lines = audit_lines(&server, "refuse");
+    let line = lines.iter().find(|line| line["status"] == 403).unwrap_or_else(|| panic!("{lines:?}"));
+    assert_eq!(line["user"], "ada@lab.example", "{line}");
+    assert!(line["identity"].as_str().unwrap().starts_with(&site.provider.issuer), "{line}");
+}
+
+#[test]
+fn over_https_cookies_belong_to_this_host_alone() {
+    let site = Site::new();
+    let _server = site.serve(&["--oidc-allow", "*=default:read", "--oidc-redirect", "https://roost.example"]);
+    let mut visitor = Visitor::new();
+    let begin = site.at("/dashboard/sign-in");
+    let foreign = visitor.send(Method::GET, &begin, &[("sec-fetch-site", "cross-site")], None);
+    assert!(foreign.status == 403 && foreign.cookies.is_empty(), "{}: {}", foreign.status, foreign.text);
+    let page = visitor.get(&begin);
+    let cookie = |page: &Page, name: &str, parts: &[&str]| {
+        let found = page.cookies.iter().find(|cookie| cookie.starts_with(&format!("{name}=")));
+        let cookie = found.unwrap_or_else(|| panic!("{name}: {:?}", page.cookies));
+        assert!(parts.iter().all(|part| cookie.contains(part)), "{parts:?}: {cookie}");
+    };
+    cookie(&page, "__Host-roost_sign_in", &["; Secure", "; Path=/;", "; HttpOnly", "SameSite=Lax"]);
+    let back = visitor.answer(&page.location.unwrap(), "ada", "accept");
+    let back = back.replace("https://roost.example", &site.sandbox.address);
+    assert_eq!(visitor.send(Method::HEAD, &back, &[], None).status, 405, "the attempt is not used up");
+    let page = visitor.get(&back);
+    assert_eq!(page.status, 200, "{}", page.text);
+    cookie(&page, "__Host-roost_session", &["; Secure", "; Path=/;", "; HttpOnly", "SameSite=Strict"]);
+    let jobs = site.at("/v1/jobs");
+    assert_eq!(visitor.get(&jobs).status, 200);
+    let secret = visitor.cookie(&site.sandbox.address, "__Host-roost_session").unwrap();
+    let planted = format!("roost_session={secret}");
+    let other = Visitor::new().send(Method::GET, &jobs, &[("cookie", &planted)], None);
+    assert_eq!(other.status, 401, "another host of the domain can plant the plain name");
 }
 
 #[test]

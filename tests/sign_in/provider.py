@@ -59,7 +59,7 @@ with app.app_context():
             client_id=client,
             client_name=client,
             client_secret="secret of the client",
-            redirect_uris=[f"{sys.argv[1]}/dashboard/sign-in/callback"],
+            redirect_uris=[f"{site}/dashboard/sign-in/callback" for site in (sys.argv[1], "https://roost.example")],
             response_types=["code"],
             grant_types=["authorization_code"],
             scope=["openid", "profile", "email", "groups"],
