@@ -17,3 +17,9 @@ CREATE TABLE sessions (
 ) STRICT;
 
 CREATE INDEX sessions_by_token ON sessions (token_id, created_at);
+
+-- The key of attempts to sign in, which all servers share: one row. It is of no use without the database, and opens nothing by itself.
+CREATE TABLE sign_in_keys (
+    id     INTEGER NOT NULL PRIMARY KEY CHECK (id = 0),
+    secret TEXT    NOT NULL                                   -- 32 random bytes in hexadecimal digits
+) STRICT;

@@ -49,7 +49,7 @@ pub(crate) struct SignInArgs {
     )]
     groups_claim: String,
     /// Claim with the name of a user. If the claim is missing, or is an e-mail address that the provider has not verified, the server
-    /// takes `preferred_username`, or else `sub`
+    /// takes `preferred_username` if this is no address, or else `sub`
     #[arg(
         long = "oidc-user-claim",
         env = "ROOST_OIDC_USER_CLAIM",

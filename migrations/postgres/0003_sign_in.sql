@@ -13,3 +13,8 @@ CREATE TABLE sessions (
 );
 
 CREATE INDEX sessions_by_token ON sessions (token_id, created_at);
+
+CREATE TABLE sign_in_keys (
+    id     BIGINT NOT NULL PRIMARY KEY CHECK (id = 0),
+    secret TEXT   NOT NULL
+);

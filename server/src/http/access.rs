@@ -82,6 +82,12 @@ fn cross_site(evidence: String) -> ApiError {
     )
 }
 
+/// Whether the user or a page of this server has sent a browser here. Older browsers do not say.
+pub(super) fn is_own_navigation(headers: &HeaderMap) -> bool {
+    let site = text(headers, "sec-fetch-site");
+    site.is_none_or(|site| matches!(site, "same-origin" | "same-site" | "none"))
+}
+
 fn text<'a>(headers: &'a HeaderMap, name: &str) -> Option<&'a str> {
     headers.get(name).map(|value| value.to_str().unwrap_or("?"))
 }
@@ -147,7 +153,7 @@ struct Refused {
 fn admit(app: &App, request: &Request, scopes: &'static [Scope]) -> Result<Caller, Refused> {
     let anonymous = |response| Refused { caller: None, response };
     refuse_foreign_pages(app, request).map_err(|error| anonymous(error.into_response()))?;
-    let secret = session::secret(request.headers(), request.method());
+    let secret = session::secret(app, request.headers(), request.method());
     let caller = app.access.authenticate(secret).map_err(|error| anonymous(refusal(error)))?;
     match caller.check_scope(scopes).and_then(|()| app.access.count_request(&caller)) {
         Ok(()) => Ok(caller),

@@ -132,9 +132,10 @@ pub(super) fn log_session(
     token: &str,
     user: &str,
     project: &str,
+    scopes: Option<&str>,
 ) {
     tracing::info!(
-        target: "audit", action, token, user = shortened(user), project, request = record.request, peer = record.peer,
+        target: "audit", action, token, user = shortened(user), project, scopes, request = record.request, peer = record.peer,
         forwarded_for = record.forwarded_for, path = record.path, "done"
     );
 }
@@ -149,8 +150,9 @@ pub(super) fn log_failed_sign_in(
     let Some(left_out) = limit.take() else { return };
     let left_out = Some(left_out).filter(|count| *count > 0);
     let (reason, cause) = (error.to_string(), error.cause());
+    let (user, identity) = error.who().map(|who| (shortened(&who.user), shortened(&who.identity))).unzip();
     tracing::warn!(
-        target: "audit", action = "refuse", request = record.request, peer = record.peer, forwarded_for = record.forwarded_for,
+        target: "audit", action = "refuse", user, identity, request = record.request, peer = record.peer, forwarded_for = record.forwarded_for,
         method = shortened(record.method.as_str()), path = record.path, status = status.as_u16(), reason = shortened(&reason),
         cause = cause.as_deref().map(shortened), left_out, "sign-in failed"
     );

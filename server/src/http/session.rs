@@ -7,6 +7,9 @@
 //!
 //! A session that began with an identity provider has a secret of its own, which a sign-out makes invalid. Other sessions have a token of
 //! `roost token`, which stays valid.
+//!
+//! The address in `--oidc-redirect` decides the name of the cookie, since every browser uses it. Without it, the cookie is `Secure` where a
+//! proxy says that it has received https.
 
 use axum::Json;
 use axum::extract::{Request, State};
@@ -19,17 +22,30 @@ use super::problem::{ApiError, ProblemKind};
 use crate::state::App;
 
 const COOKIE: &str = "roost_session";
+/// The same where browsers reach this server over https. They take a cookie with this prefix from this host alone and over https alone, so
+/// that no other host of the domain can plant a session.
+const HOST_COOKIE: &str = "__Host-roost_session";
 /// Header that dashboard pages send with every request other than GET.
 const PAGE: &str = "x-roost-page";
 /// Lifetime of the cookie. The token itself may be revoked any time.
 const COOKIE_MAX_AGE_S: u64 = 30 * 24 * 3600;
 
 /// The token of a request: from its header, or else from the session's cookie.
-pub(super) fn secret<'a>(headers: &'a HeaderMap, method: &Method) -> Option<&'a str> {
+pub(super) fn secret<'a>(app: &App, headers: &'a HeaderMap, method: &Method) -> Option<&'a str> {
     bearer(headers).or_else(|| {
         let is_trusted = matches!(*method, Method::GET | Method::HEAD) || headers.contains_key(PAGE);
-        cookie(headers, COOKIE).filter(|_| is_trusted)
+        cookie(headers, name(app)).filter(|_| is_trusted)
     })
+}
+
+/// Whether `--oidc-redirect` says that browsers reach this server over https.
+pub(super) fn is_https(app: &App) -> bool {
+    app.sign_in.as_ref().is_some_and(|sign_in| sign_in.settings.is_https())
+}
+
+/// The name of the cookie of all sessions, whether they began with a token or with the provider. The other name is not read.
+fn name(app: &App) -> &'static str {
+    if is_https(app) { HOST_COOKIE } else { COOKIE }
 }
 
 /// The name of an authentication scheme ignores case (RFC 9110, section 11.1).
@@ -62,7 +78,7 @@ struct Session {
 /// Shows the session of a browser, and how to begin one.
 pub(super) async fn show(State(app): State<App>, headers: HeaderMap) -> Response {
     let provider = app.sign_in.as_ref().map(|sign_in| sign_in.settings.provider_host());
-    let caller = cookie(&headers, COOKIE).and_then(|secret| app.access.authenticate(Some(secret)).ok());
+    let caller = cookie(&headers, name(&app)).and_then(|secret| app.access.authenticate(Some(secret)).ok());
     let session = caller.filter(|caller| !caller.is_unrestricted());
     let session =
         session.map(|caller| Session { user: caller.user.to_string(), project: caller.project.to_string() });
@@ -74,32 +90,34 @@ pub(super) async fn begin(State(app): State<App>, headers: HeaderMap) -> Result<
     let token = bearer(&headers);
     // The guard has checked the scope.
     app.access.authenticate(token)?;
-    Ok(set_cookie(token.unwrap_or_default(), COOKIE_MAX_AGE_S, &headers))
+    Ok(set_cookie(&app, token.unwrap_or_default(), COOKIE_MAX_AGE_S, &headers))
 }
 
 /// Ends the session.
 pub(super) async fn end(State(app): State<App>, request: Request) -> Result<Response, ApiError> {
     let record = RequestRecord::of(&request);
     let headers = request.into_parts().0.headers;
-    if let Some(secret) = cookie(&headers, COOKIE)
+    if let Some(secret) = cookie(&headers, name(&app))
+        && app.access.has_session(secret)
         && let Some(ended) = app.store.end_session(secret, app.clock.now()).await?
     {
         app.follow_changes().await?;
-        audit::log_session("sign_out", &record, &ended.token, &ended.user, &ended.project);
+        audit::log_session("sign_out", &record, &ended.token, &ended.user, &ended.project, None);
     }
-    Ok(set_cookie("", 0, &headers))
+    Ok(set_cookie(&app, "", 0, &headers))
 }
 
 /// The cookie of a session.
-pub(super) fn session_cookie(secret: &str, max_age_s: u64, is_https: bool) -> String {
-    let secure = if is_https { "; Secure" } else { "" };
-    format!("{COOKIE}={secret}; Path=/; Max-Age={max_age_s}; HttpOnly; SameSite=Strict{secure}")
+pub(super) fn session_cookie(app: &App, secret: &str, max_age_s: u64, is_secure: bool) -> String {
+    let secure = if is_secure { "; Secure" } else { "" };
+    let name = name(app);
+    format!("{name}={secret}; Path=/; Max-Age={max_age_s}; HttpOnly; SameSite=Strict{secure}")
 }
 
-fn set_cookie(token: &str, max_age_s: u64, headers: &HeaderMap) -> Response {
+fn set_cookie(app: &App, token: &str, max_age_s: u64, headers: &HeaderMap) -> Response {
     // A proxy that terminates TLS sends this header.
-    let is_https = headers.get("x-forwarded-proto").is_some_and(|scheme| scheme == "https");
-    match HeaderValue::try_from(session_cookie(token, max_age_s, is_https)) {
+    let is_forwarded = headers.get("x-forwarded-proto").is_some_and(|scheme| scheme == "https");
+    match HeaderValue::try_from(session_cookie(app, token, max_age_s, is_https(app) || is_forwarded)) {
         Ok(cookie) => (StatusCode::NO_CONTENT, [(header::SET_COOKIE, cookie)]).into_response(),
         // Tokens of this server are letters and digits.
         Err(_) => ApiError::new(

@@ -43,7 +43,10 @@ impl Leading {
         let projects = store.project_values().await?;
         let (max_requests_per_s, max_result_bytes) = (config.max_requests_per_s, config.max_result_bytes);
         let access = Access::new(max_requests_per_s, is_loopback, has_sign_in, tokens);
-        let sign_in = config.sign_in.clone().map(SignIn::new);
+        let sign_in = match &config.sign_in {
+            Some(settings) => Some(SignIn::new(settings.clone(), store.sign_in_key().await?)),
+            None => None,
+        };
         for project in config.sign_in.iter().flat_map(SignInSettings::projects) {
             if !projects.contains_key(project) {
                 tracing::warn!(

@@ -2,7 +2,8 @@
 //!
 //! A cookie of the browser holds the attempt, and the server keeps nothing, so that another server can complete it. The cookie is a moment
 //! and a random number. The other values come from it by a key that no browser has. So a state fits a cookie only if a server with this
-//! key has made both, and the provider alone learns the verifier.
+//! key has made both, and the provider alone learns the verifier. The key is random and in the database: one that came from the secret of
+//! the client could be guessed from a single attempt.
 
 use roost_api::time::Timestamp;
 use uuid::Uuid;

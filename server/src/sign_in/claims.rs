@@ -24,6 +24,9 @@ impl Claims {
     pub(super) fn complete(&mut self, more: Map<String, Value>) {
         // An e-mail address and its state belong together.
         let has_email = self.all.contains_key("email");
+        if !has_email {
+            self.all.remove("email_verified");
+        }
         for (name, value) in more {
             if !(has_email && name == "email_verified") {
                 self.all.entry(name).or_insert(value);
@@ -33,8 +36,10 @@ impl Claims {
 
     /// Name of the user: the chosen claim, else the preferred name, else the subject.
     pub(super) fn user(&self, claim: &str) -> String {
-        let named = [claim, OTHER_NAME].into_iter().find_map(|claim| self.name(claim));
-        named.unwrap_or(&self.subject).to_owned()
+        // Some providers let users choose the other name, so that it may be the address of somebody else.
+        let is_address = |name: &str| name.contains('@') && self.name("email") != Some(name);
+        let other = || self.name(OTHER_NAME).filter(|name| claim != "email" || !is_address(name));
+        self.name(claim).or_else(other).unwrap_or(&self.subject).to_owned()
     }
 
     fn name(&self, claim: &str) -> Option<&str> {

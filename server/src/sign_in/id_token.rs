@@ -4,6 +4,8 @@
 
 use std::sync::Once;
 
+use base64::Engine as _;
+use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use jsonwebtoken::crypto::{CryptoProvider, JwtVerifier, KeyUtils};
 use jsonwebtoken::errors::{Error, ErrorKind, new_error};
 use jsonwebtoken::jwk::{Jwk, JwkSet, PublicKeyUse};
@@ -16,6 +18,9 @@ use ring::signature::{
 use serde_json::{Map, Value};
 
 use super::error::SignInError;
+
+/// Maximum length of a subject (OpenID Connect Core, section 2).
+const MAX_SUBJECT_BYTES: usize = 255;
 
 /// What a token must say.
 #[derive(Clone, Copy)]
@@ -54,6 +59,9 @@ pub(super) fn verify(
 ) -> Result<(String, Map<String, Value>), Failure> {
     install();
     let header = decode_header(token).map_err(|error| invalid(&error))?;
+    if names_extensions(token) {
+        return Err(Failure::Invalid("its header has extensions".to_owned()));
+    }
     // A client secret is no key of a signature here.
     if header.alg.family() == AlgorithmFamily::Hmac {
         return Err(Failure::Invalid(format!("its algorithm is {:?}", header.alg)));
@@ -72,12 +80,20 @@ pub(super) fn verify(
         let Ok(key) = DecodingKey::from_jwk(key) else { continue };
         match decode::<Map<String, Value>>(token, &key, &validation) {
             Ok(token) => return checked(token.claims, expected),
+            Err(error) if !is_of_key(&error) => return Err(failure(&error)),
             // Without a name, any of the keys may be the right one.
-            Err(error) if header.kid.is_none() && is_of_key(&error) => last = Failure::UnknownKey,
+            Err(_) if header.kid.is_none() => last = Failure::UnknownKey,
             Err(error) => last = failure(&error),
         }
     }
     Err(last)
+}
+
+/// Whether a header has `crit`: extensions that everybody must understand (RFC 7515, section 4.1.11). This server understands none.
+fn names_extensions(token: &str) -> bool {
+    let header = token.split('.').next().and_then(|header| URL_SAFE_NO_PAD.decode(header).ok());
+    let header = header.and_then(|header| serde_json::from_slice::<Map<String, Value>>(&header).ok());
+    header.is_none_or(|header| header.contains_key("crit"))
 }
 
 fn is_of_key(error: &Error) -> bool {
@@ -102,9 +118,12 @@ fn checked(claims: Map<String, Value>, expected: Expected) -> Result<(String, Ma
     if (claims.contains_key("azp") || audiences > 1) && text("azp") != Some(expected.client) {
         return wrong("it was made for another client");
     }
-    match text("sub").filter(|subject| !subject.is_empty()) {
+    match text("sub") {
+        None | Some("") => wrong("it names no user"),
+        Some(subject) if subject.len() > MAX_SUBJECT_BYTES || subject.chars().any(char::is_control) => {
+            wrong("its subject is too long, or has control characters")
+        }
         Some(subject) => Ok((subject.to_owned(), claims)),
-        None => wrong("it names no user"),
     }
 }
 
@@ -121,6 +140,10 @@ fn invalid(error: &Error) -> Failure {
         ErrorKind::InvalidSignature => "its signature is wrong".to_owned(),
         ErrorKind::InvalidIssuer => "its issuer is another one".to_owned(),
         ErrorKind::InvalidAudience => "it is for another client".to_owned(),
+        // The library repeats parts of the token.
+        ErrorKind::Json(error) => {
+            format!("it is no JSON as expected, at line {}, column {}", error.line(), error.column())
+        }
         _ => error.to_string(),
     };
     Failure::Invalid(reason)

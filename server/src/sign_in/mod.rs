@@ -21,6 +21,7 @@ mod settings;
 mod tests;
 
 use std::num::NonZeroU32;
+use std::sync::Arc;
 
 use governor::{DefaultDirectRateLimiter, Quota, RateLimiter};
 use roost_api::time::Timestamp;
@@ -39,32 +40,40 @@ const EXCHANGES_PER_S: NonZeroU32 = NonZeroU32::new(10).unwrap();
 /// Sign-in with the provider of the settings.
 pub(crate) struct SignIn {
     pub(crate) settings: SignInSettings,
-    provider: Provider,
+    /// The key of attempts, from the database. All servers have the same one, so that a sign-in outlives a change of the leader.
+    key: [u8; blake3::KEY_LEN],
+    provider: Arc<Provider>,
     exchanges: DefaultDirectRateLimiter,
 }
 
-/// A user whom the provider knows and a rule admits.
+/// A user whom the provider knows.
 #[derive(Clone, Debug)]
-pub(crate) struct SignedIn {
+pub(crate) struct Who {
     /// Issuer and subject: the user for ever.
     pub(crate) identity: String,
     /// Name of the user.
     pub(crate) user: String,
+}
+
+/// A user whom a rule admits.
+#[derive(Clone, Debug)]
+pub(crate) struct SignedIn {
+    pub(crate) who: Who,
     /// What the user may do.
     pub(crate) grant: Grant,
 }
 
 impl SignIn {
     /// It calls the provider when a user signs in, not before.
-    pub(crate) fn new(settings: SignInSettings) -> Self {
-        let provider = Provider::new(&settings);
+    pub(crate) fn new(settings: SignInSettings, key: [u8; blake3::KEY_LEN]) -> Self {
+        let provider = Arc::new(Provider::new(&settings));
         let exchanges = RateLimiter::direct(Quota::per_second(EXCHANGES_PER_S));
-        Self { settings, provider, exchanges }
+        Self { settings, key, provider, exchanges }
     }
 
     /// A new attempt, and the address of the provider that the browser goes to.
     pub(crate) async fn begin(&self, now: Timestamp) -> Result<(Attempt, String), SignInError> {
-        let attempt = Attempt::new(&self.settings.key, now);
+        let attempt = Attempt::new(&self.key, now);
         let address = self.provider.authorization_address(&self.settings, &attempt).await?;
         Ok((attempt, address))
     }
@@ -76,7 +85,7 @@ impl SignIn {
         state: Option<&str>,
         now: Timestamp,
     ) -> Result<Attempt, SignInError> {
-        let attempt = cookie.and_then(|cookie| Attempt::read(&self.settings.key, cookie, now));
+        let attempt = cookie.and_then(|cookie| Attempt::read(&self.key, cookie, now));
         attempt.filter(|attempt| attempt.has_state(state)).ok_or(SignInError::NoAttempt)
     }
 
@@ -85,8 +94,13 @@ impl SignIn {
         self.exchanges.check().map_err(|_| SignInError::Busy)?;
         let claims: Claims = self.provider.claims(&self.settings, attempt, code).await?;
         let groups = claims.groups(&self.settings.groups_claim);
-        let grant = self.settings.grant(&groups).ok_or(SignInError::NoRule { groups })?;
-        let identity = format!("{} {}", self.settings.issuer, claims.subject);
-        Ok(SignedIn { identity, user: claims.user(&self.settings.user_claim), grant })
+        let who = Who {
+            identity: format!("{} {}", self.settings.issuer, claims.subject),
+            user: claims.user(&self.settings.user_claim),
+        };
+        match self.settings.grant(&groups) {
+            Some(grant) => Ok(SignedIn { who, grant }),
+            None => Err(SignInError::NoRule { who, groups }),
+        }
     }
 }

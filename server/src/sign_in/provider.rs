@@ -1,6 +1,7 @@
 //! The identity provider: its metadata and keys, and the exchange of a code for claims.
 //!
 //! The metadata is read at the first sign-in and kept for an hour. The keys belong to it: an unknown key makes the server read both again.
+//! If that fails, the known ones stay.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -19,7 +20,7 @@ use super::attempt::Attempt;
 use super::claims::Claims;
 use super::error::SignInError;
 use super::id_token::{self, Expected, Failure};
-use super::settings::SignInSettings;
+use super::settings::{SignInSettings, is_loopback, is_safe};
 
 /// Maximum time of an answer.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -82,17 +83,18 @@ struct Refusal {
     error_description: String,
 }
 
-/// The last attempt to read metadata and keys.
-struct Read {
-    at: Instant,
-    outcome: Result<Arc<Known>, (bool, String)>,
+/// What the last readings of metadata and keys have brought.
+#[derive(Default)]
+struct Last {
+    known: Option<(Instant, Arc<Known>)>,
+    failed: Option<(Instant, SignInError)>,
 }
 
 pub(super) struct Provider {
     http: reqwest::Client,
     host: String,
     /// One request reads; others wait for it.
-    last: Mutex<Option<Read>>,
+    last: Arc<Mutex<Last>>,
 }
 
 impl Provider {
@@ -101,13 +103,16 @@ impl Provider {
         let _ = rustls::crypto::ring::default_provider().install_default();
         // A redirect could lead the secret of the client elsewhere.
         let http = reqwest::Client::builder().redirect(reqwest::redirect::Policy::none()).timeout(PATIENCE);
+        // No proxy reaches this machine's loopback addresses.
+        let is_local = Url::parse(&settings.issuer).is_ok_and(|issuer| is_loopback(&issuer));
+        let http = if is_local { http.no_proxy() } else { http };
         let http = http.build().expect("settings without files");
-        Self { http, host: settings.provider_host(), last: Mutex::default() }
+        Self { http, host: settings.provider_host(), last: Default::default() }
     }
 
     /// The address at which the user signs in.
     pub(super) async fn authorization_address(
-        &self,
+        self: &Arc<Self>,
         settings: &SignInSettings,
         attempt: &Attempt,
     ) -> Result<String, SignInError> {
@@ -134,7 +139,7 @@ impl Provider {
 
     /// Exchanges a code, and verifies the ID token that comes for it.
     pub(super) async fn claims(
-        &self,
+        self: &Arc<Self>,
         settings: &SignInSettings,
         attempt: &Attempt,
         code: &str,
@@ -196,45 +201,50 @@ impl Provider {
 
     /// Metadata and keys. `before`: those that lack a key.
     async fn known(
-        &self,
+        self: &Arc<Self>,
         settings: &SignInSettings,
         before: Option<&Arc<Known>>,
     ) -> Result<Arc<Known>, SignInError> {
-        let mut last = self.last.lock().await;
-        match last.as_ref() {
-            Some(Read { at, outcome: Ok(known) })
-                if at.elapsed() < KEEP && before.is_none_or(|before| !Arc::ptr_eq(before, known)) =>
-            {
-                return Ok(known.clone());
-            }
-            Some(Read { at, outcome: Err((is_certificate, cause)) }) if at.elapsed() < HOLD => {
-                return Err(self.unreachable(*is_certificate, cause.clone()));
-            }
-            _ => {}
+        let mut last = self.last.clone().lock_owned().await;
+        if let Some((at, known)) = &last.known
+            && at.elapsed() < KEEP
+            && before.is_none_or(|before| !Arc::ptr_eq(before, known))
+        {
+            return Ok(known.clone());
         }
-        let read = self.discover(settings).await;
-        let outcome = match &read {
-            Ok(known) => Ok(known.clone()),
-            Err(SignInError::Certificate { cause, .. }) => Err((true, cause.clone())),
-            Err(error) => Err((false, error.cause().unwrap_or_else(|| error.to_string()))),
-        };
-        *last = Some(Read { at: Instant::now(), outcome });
-        read
+        if let Some((at, error)) = &last.failed
+            && at.elapsed() < HOLD
+        {
+            return Err(error.clone());
+        }
+        // A task of its own: a visitor who goes away shall not undo the record.
+        let (provider, settings) = (self.clone(), settings.clone());
+        let reading = tokio::spawn(async move {
+            let read = provider.discover(&settings).await;
+            let now = Instant::now();
+            match &read {
+                Ok(known) => *last = Last { known: Some((now, known.clone())), failed: None },
+                Err(error) => last.failed = Some((now, error.clone())),
+            }
+            read
+        });
+        reading.await.unwrap_or_else(|_| Err(SignInError::Unusable("reading it has failed".to_owned())))
     }
 
     async fn discover(&self, settings: &SignInSettings) -> Result<Arc<Known>, SignInError> {
         let address = format!("{}/.well-known/openid-configuration", settings.issuer.trim_end_matches('/'));
         let metadata: Metadata = self.fetch(self.http.get(address)).await?;
         if metadata.issuer != settings.issuer {
-            let reason =
+            let cause =
                 format!("--oidc-issuer is {}, and it names itself {}", settings.issuer, metadata.issuer);
-            return Err(SignInError::Unusable(reason));
+            return Err(SignInError::OtherIssuer(cause));
         }
         let endpoints = [&metadata.authorization_endpoint, &metadata.token_endpoint, &metadata.jwks_uri];
         let all = endpoints.into_iter().chain(&metadata.userinfo_endpoint);
         let is_https = settings.issuer.starts_with("https:");
-        if let Some(unsafe_one) = all.into_iter().find(|url| is_https && url.0.scheme() != "https") {
-            return Err(SignInError::Unusable(format!("its address {} is not https", unsafe_one.0)));
+        let is_unsafe = |url: &&Endpoint| !is_safe(&url.0) || (is_https && url.0.scheme() != "https");
+        if let Some(address) = all.into_iter().find(is_unsafe) {
+            return Err(SignInError::UnsafeAddress(address.0.to_string()));
         }
         let keys = self.fetch(self.http.get(metadata.jwks_uri.0.clone())).await?;
         Ok(Arc::new(Known { metadata, keys }))
@@ -254,7 +264,11 @@ impl Provider {
         if !status.is_success() {
             return Err(refused(status.as_u16(), &body));
         }
-        serde_json::from_slice(&body).map_err(|error| SignInError::Unusable(error.to_string()))
+        serde_json::from_slice(&body).map_err(|error| {
+            // The text of the error would repeat parts of the answer.
+            let place = format!("line {}, column {}", error.line(), error.column());
+            SignInError::Unusable(format!("it is no JSON as expected, at {place}"))
+        })
     }
 
     fn failed(&self, error: reqwest::Error) -> SignInError {
@@ -281,7 +295,7 @@ impl Provider {
     }
 }
 
-/// An error answer of the provider. Of its texts only the log gets the description.
+/// An error answer of the provider. Its texts are for the log.
 fn refused(status: u16, body: &[u8]) -> SignInError {
     let Ok(Refusal { error, error_description }) = serde_json::from_slice(body) else {
         return SignInError::Unusable(format!("its status is {status}"));

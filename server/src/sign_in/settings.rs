@@ -48,8 +48,6 @@ pub struct SignInSettings {
     pub(crate) groups_claim: String,
     pub(crate) user_claim: String,
     pub(crate) session: Duration,
-    /// The key of attempts. All servers with this secret have the same one, so that a sign-in outlives a change of the leader.
-    pub(crate) key: [u8; blake3::KEY_LEN],
 }
 
 /// Users of a group get a scope in a project.
@@ -124,20 +122,9 @@ impl SignInSettings {
         else {
             return Err(faults);
         };
-        let key = blake3::derive_key("roost 2026 attempts of sign-in", client_secret.as_bytes());
         let (groups_claim, user_claim) = (options.groups_claim.clone(), options.user_claim.clone());
         let session = options.session;
-        Ok(Some(Self {
-            issuer,
-            client_id,
-            client_secret,
-            own,
-            rules,
-            groups_claim,
-            user_claim,
-            session,
-            key,
-        }))
+        Ok(Some(Self { issuer, client_id, client_secret, own, rules, groups_claim, user_claim, session }))
     }
 
     /// Host and port of the provider, for its button.
@@ -181,13 +168,21 @@ fn address(option: &str, text: &str, may_have_path: bool) -> Result<Url, String>
         )
     };
     let url = Url::parse(text).map_err(|_| fault())?;
-    let host = url.host_str().unwrap_or_default();
-    let ip = host.trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>();
-    let is_loopback = host == "localhost" || ip.is_ok_and(|ip| ip.is_loopback());
-    let is_safe = url.scheme() == "https" || (url.scheme() == "http" && is_loopback);
     let is_plain = url.query().is_none() && url.fragment().is_none() && url.username().is_empty();
     let has_path = url.path() != "/";
-    if is_safe && is_plain && (may_have_path || !has_path) { Ok(url) } else { Err(fault()) }
+    if is_safe(&url) && is_plain && (may_have_path || !has_path) { Ok(url) } else { Err(fault()) }
+}
+
+/// Whether nobody else reads or changes what is sent to an address.
+pub(super) fn is_safe(url: &Url) -> bool {
+    url.scheme() == "https" || (url.scheme() == "http" && is_loopback(url))
+}
+
+/// Whether an address is on this machine.
+pub(super) fn is_loopback(url: &Url) -> bool {
+    let host = url.host_str().unwrap_or_default();
+    let ip = host.trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>();
+    host == "localhost" || ip.is_ok_and(|ip| ip.is_loopback())
 }
 
 fn secret(file: Option<&PathBuf>) -> Result<String, String> {

@@ -5,14 +5,17 @@ use std::time::Duration;
 use base64::Engine as _;
 use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use jsonwebtoken::jwk::JwkSet;
+use ring::hmac;
 use ring::rand::SystemRandom;
 use ring::signature::{ECDSA_P256_SHA256_FIXED_SIGNING, EcdsaKeyPair, KeyPair as _};
 use roost_api::time::Timestamp;
 use roost_api::token::Scope;
 use serde_json::{Value, json};
 
+use super::Who;
 use super::attempt::Attempt;
 use super::claims::Claims;
+use super::error::SignInError;
 use super::id_token::{Expected, Failure, verify};
 use super::settings::{Grant, SignInOptions, SignInSettings};
 
@@ -135,6 +138,8 @@ fn an_unverified_address_names_nobody() {
         (json!({"email": "ada@lab.example", "email_verified": "true"}), "ada@lab.example"),
         (json!({"email": "ada@lab.example", "email_verified": false, "preferred_username": "Ada"}), "Ada"),
         (json!({"email": "ada@lab.example"}), "17"),
+        (json!({"email": "ada@lab.example", "preferred_username": "boss@lab.example"}), "17"),
+        (json!({"preferred_username": "boss@lab.example"}), "17"),
         (json!({"preferred_username": "a\u{7}b"}), "17"),
         (json!({"preferred_username": " "}), "17"),
     ] {
@@ -143,6 +148,11 @@ fn an_unverified_address_names_nobody() {
     let mut known = claims(json!({"email": "boss@lab.example"}));
     known.complete(json!({"email": "ada@lab.example", "email_verified": true}).as_object().unwrap().clone());
     assert_eq!(known.user("email"), "17", "the state of one address is not that of another");
+    let mut known = claims(json!({"email_verified": true}));
+    known.complete(json!({"email": "boss@lab.example"}).as_object().unwrap().clone());
+    assert_eq!(known.user("email"), "17", "the ID token has verified another address");
+    let named = claims(json!({"preferred_username": "ada@lab.example"}));
+    assert_eq!(named.user("preferred_username"), "ada@lab.example", "the operator has chosen it");
     assert_eq!(claims(json!({"groups": ["a", 5, "b"]})).groups("groups"), ["a", "b"]);
     assert_eq!(claims(json!({"roles": "a"})).groups("roles"), ["a"]);
     assert_eq!(claims(json!({})).groups("groups"), [""; 0]);
@@ -215,6 +225,8 @@ fn an_id_token_is_for_this_client_this_sign_in_and_this_time() {
         (with(json!({"azp": "other"})), "another client"),
         (with(json!({"sub": ""})), "no user"),
         (with(json!({"sub": null})), "sub"),
+        (with(json!({"sub": "a\u{7}b"})), "control characters"),
+        (with(json!({"sub": "a".repeat(256)})), "too long"),
         (with(json!({"exp": null})), "exp"),
     ] {
         match check(&claims) {
@@ -233,9 +245,39 @@ fn an_id_token_is_for_this_client_this_sign_in_and_this_time() {
     assert_eq!(signed(&Key::new(), json!({"alg": "ES256"})).unwrap_err(), Failure::UnknownKey);
     assert_eq!(signed(&key, json!({"alg": "ES256", "kid": "new"})).unwrap_err(), Failure::UnknownKey);
     assert_eq!(verify(&key.sign(&header, &good), &only_b, expected).unwrap_err(), Failure::UnknownKey);
+    let expired = key.sign(&json!({"alg": "ES256"}), &with(json!({"exp": now - 100})));
+    assert_eq!(verify(&expired, &keys, expected), clock("has expired"), "not the fault of the next key");
+    wrong(signed(&key, json!({"alg": "ES256", "kid": "a", "crit": ["b64"], "b64": true})), "extensions");
+    // A secret among the keys, and a token that it has signed.
+    let secret = b"0123456789abcdef0123456789abcdef";
+    let jwk = json!({"kty": "oct", "kid": "s", "alg": "HS256", "k": URL_SAFE_NO_PAD.encode(secret)});
+    let with_secret: JwkSet = serde_json::from_value(json!({"keys": [jwk]})).unwrap();
+    for header in [json!({"alg": "HS256", "kid": "s"}), json!({"alg": "HS256"})] {
+        let part = |value: &Value| URL_SAFE_NO_PAD.encode(value.to_string());
+        let text = format!("{}.{}", part(&header), part(&good));
+        let tag = hmac::sign(&hmac::Key::new(hmac::HMAC_SHA256, secret), text.as_bytes());
+        let token = format!("{text}.{}", URL_SAFE_NO_PAD.encode(tag));
+        wrong(verify(&token, &with_secret, expected), "algorithm");
+    }
     for algorithm in ["HS256", "RS256", "none", "EdDSA"] {
         let found = signed(&key, json!({"alg": algorithm, "kid": "a"}));
         assert!(matches!(found, Err(Failure::Invalid(_))), "{algorithm}: {found:?}");
     }
     wrong(verify("nonsense", &keys, expected).map(|_| ()).map(|()| (String::new(), Default::default())), "");
+}
+
+#[test]
+fn pages_repeat_no_long_texts_of_the_provider() {
+    let refused = |error: &str| SignInError::Refused { error: error.to_owned(), description: None };
+    assert_eq!(refused("server_error").to_string(), "the provider answers server_error");
+    for free in ["<b>call this number</b>", "a b", &"a".repeat(61)] {
+        assert_eq!(refused(free).to_string(), "the provider answers an unknown error");
+    }
+    let who = Who { identity: "https://idp.example 17".to_owned(), user: "Ada".to_owned() };
+    let error = SignInError::NoRule { who, groups: vec!["g".repeat(1000); 30] };
+    assert!(error.to_string().len() < 1500, "{error}");
+    assert_eq!(error.who().map(|who| who.user.as_str()), Some("Ada"));
+    assert!(
+        error.ends_attempt() && !SignInError::Busy.ends_attempt() && !SignInError::NoAttempt.ends_attempt()
+    );
 }

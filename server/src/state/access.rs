@@ -235,6 +235,14 @@ impl Access {
         })
     }
 
+    /// Whether this is the secret of a session, even of one that has expired. Anybody may ask to end one, and strangers shall not reach
+    /// the database.
+    pub(crate) fn has_session(&self, secret: &str) -> bool {
+        let Admission::Bearers(tokens) = self.admission() else { return false };
+        let hash = blake3::hash(secret.as_bytes());
+        tokens.iter().any(|token| token.is_session && token.hash == hash)
+    }
+
     /// Counts a request of this caller, and refuses it above the rate.
     pub(crate) fn count_request(&self, caller: &Caller) -> Result<(), AccessError> {
         let Some(rate) = &self.rate else { return Ok(()) };
@@ -248,4 +256,34 @@ impl Access {
 /// Expired ones stay, so that their error says so.
 fn valid(tokens: Vec<Token>) -> Arc<[Token]> {
     tokens.into_iter().filter(|token| !token.is_revoked).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_secrets_of_sessions_reach_the_database() {
+        let token = |secret: &str, is_session, expires_at: Option<i64>, is_revoked| Token {
+            id: "t".to_owned(),
+            name: "n".to_owned(),
+            user: "u".to_owned(),
+            project: DEFAULT_PROJECT.to_owned(),
+            hash: blake3::hash(secret.as_bytes()),
+            scopes: vec![Scope::Read],
+            is_revoked,
+            expires_at: expires_at.map(Timestamp),
+            is_session,
+        };
+        let tokens = vec![
+            token("token", false, None, false),
+            token("session", true, Some(i64::MAX), false),
+            token("expired", true, Some(0), false),
+            token("revoked", true, Some(i64::MAX), true),
+        ];
+        let access = Access::new(0, true, true, tokens);
+        let known = ["invented", "", "token", "session", "expired", "revoked"];
+        assert_eq!(known.map(|secret| access.has_session(secret)), [false, false, false, true, true, false]);
+        assert!(!Access::new(0, true, false, Vec::new()).has_session("invented"), "an open server");
+    }
 }

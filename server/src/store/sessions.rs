@@ -3,11 +3,12 @@
 //! A user has one token in a project, whatever the number of sign-ins, since each token has its own turns in the queue. Every sign-in adds
 //! a session: another secret of this token, with an expiry of its own. So no sign-in ends the session of another browser.
 
+use ring::rand::{SecureRandom as _, SystemRandom};
 use roost_api::time::Timestamp;
 use roost_api::token::Scope;
 use uuid::Uuid;
 
-use super::columns::to_json;
+use super::columns::{corrupt, to_json};
 use super::database::{Connection, query, query_as, query_scalar};
 use super::tokens::new_secret;
 use super::{Store, StoreError};
@@ -44,7 +45,25 @@ pub(crate) struct EndedSession {
 }
 
 impl Store {
-    /// Begins a session. Returns the id of its token, and its secret, which is not stored; none without such a project.
+    /// The key of attempts to sign in, which all servers of the database share. It is made once.
+    pub(crate) async fn sign_in_key(&self) -> Result<[u8; blake3::KEY_LEN], StoreError> {
+        let mut new = [0; blake3::KEY_LEN];
+        SystemRandom::new().fill(&mut new).expect("the system has random numbers");
+        let new = blake3::Hash::from_bytes(new).to_hex().to_string();
+        let write = self.writer.write(move |tx| {
+            Box::pin(async move {
+                let sql = "INSERT INTO sign_in_keys (id, secret) VALUES (0, ?) ON CONFLICT (id) DO NOTHING";
+                query(sql).bind(new).execute(&mut *tx).await?;
+                let find = "SELECT secret FROM sign_in_keys WHERE id = 0";
+                Ok(query_scalar::<String>(find).fetch_one(tx).await?)
+            })
+        });
+        let key = blake3::Hash::from_hex(write.await?).map_err(|error| corrupt("key of sign-in", error))?;
+        Ok(*key.as_bytes())
+    }
+
+    /// Begins a session. Returns the id of its token, and its secret, which is not stored; none without such a project. All sessions of the
+    /// user with another token end in any case, since the newest answer of the provider counts.
     pub(crate) async fn begin_session(
         &self,
         session: NewSession,
@@ -56,8 +75,12 @@ impl Store {
                 Box::pin(async move {
                     let find = "SELECT id FROM projects WHERE name = ?";
                     let project = query_scalar(find).bind(&session.project).fetch_optional(&mut *tx).await?;
-                    let Some(project) = project else { return Ok(None) };
+                    let Some(project) = project else {
+                        end_sessions(tx, &session.identity, "", now).await?;
+                        return Ok(None);
+                    };
                     let token = token_of(tx, &session, project, &scopes, now).await?;
+                    end_sessions(tx, &session.identity, &token, now).await?;
                     let secret = new_secret();
                     query("INSERT INTO sessions (hash, token_id, created_at, expires_at) VALUES (?, ?, ?, ?)")
                         .bind(hash(&secret))
@@ -74,6 +97,11 @@ impl Store {
                 })
             })
             .await
+    }
+
+    /// Ends all sessions of a user of the identity provider.
+    pub(crate) async fn end_sessions(&self, identity: String, now: Timestamp) -> Result<(), StoreError> {
+        self.writer.write(move |tx| Box::pin(async move { end_sessions(tx, &identity, "", now).await })).await
     }
 
     /// Ends the session with this secret, if there is one.
@@ -151,6 +179,21 @@ async fn token_of(
         .execute(tx)
         .await?;
     Ok(id)
+}
+
+/// Ends the sessions of all tokens of a user but one. These tokens expire.
+async fn end_sessions(
+    tx: &mut Connection,
+    identity: &str,
+    kept: &str,
+    now: Timestamp,
+) -> Result<(), StoreError> {
+    let sql = "DELETE FROM sessions WHERE token_id IN (SELECT id FROM tokens WHERE identity = ? AND id <> ?)";
+    query(sql).bind(identity).bind(kept).execute(&mut *tx).await?;
+    let sql = "UPDATE tokens SET expires_at = ?1
+               WHERE identity = ?2 AND id <> ?3 AND (expires_at IS NULL OR expires_at > ?1)";
+    query(sql).bind(now.0).bind(identity).bind(kept).execute(tx).await?;
+    Ok(())
 }
 
 /// A token of sign-ins expires with its last session.

@@ -9,7 +9,7 @@ use super::location::open_alone;
 use super::{Location, StoreError};
 
 /// Every table, after those that it refers to.
-pub(super) const TABLES: [&str; 28] = [
+pub(super) const TABLES: [&str; 29] = [
     "workers",
     "sweeps",
     "design_points",
@@ -30,6 +30,7 @@ pub(super) const TABLES: [&str; 28] = [
     "submissions",
     "tokens",
     "sessions",
+    "sign_in_keys",
     "frames",
     "checkpoints",
     "fills",

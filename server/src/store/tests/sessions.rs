@@ -10,6 +10,8 @@ on_both_engines!(
     a_user_has_one_token_for_all_sessions_of_a_project,
     a_revoked_user_gets_another_token,
     old_sessions_of_a_user_end_first,
+    a_sign_in_ends_what_the_user_has_lost,
+    all_servers_share_the_key_of_attempts,
 );
 
 const HOUR_MS: i64 = 3_600_000;
@@ -119,5 +121,51 @@ async fn old_sessions_of_a_user_end_first(place: Place) {
     for secret in &secrets[1..] {
         assert!(token_of(&store, secret, 30).await.is_some());
     }
+    store.close().await;
+}
+
+async fn a_sign_in_ends_what_the_user_has_lost(place: Place) {
+    let mut file = TokenFile::open(&place.location, true).await.unwrap();
+    file.create_project("wax", ProjectChange::default()).await.unwrap();
+    file.close().await.unwrap();
+    let store = place.open().await;
+    let begin = async |new: NewSession, now: i64| {
+        store.begin_session(new, Timestamp(now)).await.unwrap().map(|(_, secret)| secret)
+    };
+    let is_valid = async |secret: &str, now: i64| token_of(&store, secret, now).await.is_some();
+    let ada = |project: &str, user: &str| NewSession {
+        project: project.to_owned(),
+        ..session(user, &[Scope::Submit], HOUR_MS)
+    };
+    let eve = NewSession { identity: "https://idp.example 18".to_owned(), ..ada("wax", "Eve") };
+    let stranger = begin(eve, 0).await.unwrap();
+    let in_wax = begin(ada("wax", "Ada"), 0).await.unwrap();
+    let in_default = begin(ada("default", "Ada"), 1).await.unwrap();
+    assert!(!is_valid(&in_wax, 2).await, "the user has left the group of this project");
+    assert!(is_valid(&in_default, 2).await);
+    let renamed = begin(ada("default", "Ada Lovelace"), 3).await.unwrap();
+    assert!(!is_valid(&in_default, 4).await, "the token of the old name");
+    assert!(is_valid(&renamed, 4).await);
+    let ends: Vec<_> = store.tokens().await.unwrap();
+    let valid = ends.iter().filter(|token| !token.is_session && token.is_valid(Timestamp(4)));
+    assert_eq!(valid.count(), 2, "one for each user: {ends:?}");
+
+    assert_eq!(begin(ada("nowhere", "Ada Lovelace"), 5).await, None);
+    assert!(!is_valid(&renamed, 6).await, "the rule of the user names another project now");
+    let again = begin(ada("wax", "Ada"), 7).await.unwrap();
+    assert!(is_valid(&again, 8).await, "the first token is used again");
+    store.end_sessions("https://idp.example 17".to_owned(), Timestamp(9)).await.unwrap();
+    assert!(!is_valid(&again, 10).await, "no rule fits");
+    assert!(is_valid(&stranger, 10).await, "sessions of other users stay");
+    store.close().await;
+}
+
+async fn all_servers_share_the_key_of_attempts(place: Place) {
+    let store = place.open().await;
+    let key = store.sign_in_key().await.unwrap();
+    assert_ne!(key, [0; blake3::KEY_LEN]);
+    store.close().await;
+    let store = place.open().await;
+    assert_eq!(store.sign_in_key().await.unwrap(), key);
     store.close().await;
 }
