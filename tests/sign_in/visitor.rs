@@ -25,7 +25,9 @@ pub(crate) struct Visitor {
 
 impl Visitor {
     pub(crate) fn new() -> Self {
-        let http = Client::builder().redirect(redirect::Policy::none()).no_proxy().build().unwrap();
+        let http = Client::builder().redirect(redirect::Policy::none()).no_proxy();
+        // Connections to a server that has ended are of no use.
+        let http = http.pool_max_idle_per_host(0).build().unwrap();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
         Self { http, runtime, jar: BTreeMap::new() }
     }
