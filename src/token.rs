@@ -104,7 +104,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
             message!("revoked; a running server follows within a second");
             if !tokens.has_valid(Timestamp::now()).await? {
                 message!(
-                    "warning: no token is valid now; the server answers 401 until `roost token create` makes one"
+                    "warning: no token is valid now; without an identity provider, the server answers 401 until `roost token create` makes one"
                 );
             }
         }

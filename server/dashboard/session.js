@@ -38,7 +38,7 @@ export function signIn() {
   }).catch(() => {});
   const dialog = h("dialog", { "aria-labelledby": "sign-in", onclose: () => void dialog.remove() },
     h("form", { onsubmit: submit }, title, by_provider,
-      h("p", {}, "To get one, run ", h("code", {}, "roost token create --scope submit"), " on the server. Scope ", h("code", {}, "read"), " is enough to view."),
+      h("p", {}, "To get a token, run ", h("code", {}, "roost token create --scope submit"), " on the server. Scope ", h("code", {}, "read"), " is enough to view."),
       h("p", {}, h("label", { class: "field" }, "Token", token)), errors, h("button", { class: "main" }, "Sign in")));
   document.body.append(dialog);
   dialog.showModal();

@@ -104,7 +104,14 @@ pub(super) async fn end(State(app): State<App>, request: Request) -> Result<Resp
         app.follow_changes().await?;
         audit::log_session("sign_out", &record, &ended.token, &ended.user, &ended.project, None);
     }
-    Ok(set_cookie(&app, "", 0, &headers))
+    let mut response = set_cookie(&app, "", 0, &headers);
+    // A cookie of the other name, from before a change of `--oidc-redirect`, must not sign anybody in after the change is undone.
+    let other = if is_https(&app) { COOKIE } else { HOST_COOKIE };
+    let gone = format!("{other}=; Path=/; Max-Age=0; HttpOnly; SameSite=Strict; Secure");
+    response
+        .headers_mut()
+        .append(header::SET_COOKIE, HeaderValue::try_from(gone).expect("letters and digits"));
+    Ok(response)
 }
 
 /// The cookie of a session.

@@ -124,7 +124,9 @@ impl SignInError {
     pub(crate) fn advice(&self) -> &'static str {
         match self {
             Self::NoProvider => "Sign in with a token, on the first page.",
-            Self::NoAttempt => "Sign in again, and allow cookies of this site.",
+            Self::NoAttempt => {
+                "Sign in again, at the address that the operator has told you, and allow cookies of this site."
+            }
             Self::Foreign => "Sign in on the first page of this server.",
             Self::Cancelled | Self::Code(_) => "Sign in again.",
             Self::Busy => "Wait a few seconds, and sign in again.",
