@@ -24,7 +24,7 @@ pub(crate) struct SignInArgs {
         value_name = "FILE"
     )]
     client_secret_file: Option<PathBuf>,
-    /// Address of this server in browsers, such as https://roost.example. The provider sends browsers back to
+    /// Address of this server in browsers, such as `https://roost.example`. The provider sends browsers back to
     /// `/dashboard/sign-in/callback` there
     #[arg(long = "oidc-redirect", env = "ROOST_OIDC_REDIRECT", hide_env_values = true, value_name = "URL")]
     redirect: Option<String>,
