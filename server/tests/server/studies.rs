@@ -120,7 +120,12 @@ async fn a_boundary_is_found_and_stated() {
         assert!(is_stated(part), "{part}: {sentences:?}");
     }
     check_runs(&server, &id).await;
-    // Runs that nobody needs any more do not stay in the queue.
+    // Runs that nobody needs any more do not stay in the queue: they are cancelled soon after the last decision.
+    let deadline = Instant::now() + Duration::from_secs(60);
+    while show(&server, &id).await["runs"]["pending"] != 0 {
+        assert!(Instant::now() < deadline, "{}", show(&server, &id).await);
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
     assert_eq!(server.worker("cpu").await.claim(10).await, [Value::Null; 0]);
     server.stop().await;
 }
