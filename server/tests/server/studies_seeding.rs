@@ -52,10 +52,10 @@ async fn a_study_begins_with_the_runs_of_a_sweep() {
     assert_eq!(study["state"], "finished", "{study}");
     assert!(study["runs"]["done"].as_u64().unwrap() <= 30);
     let answer = server.get(&format!("/v1/studies/{id}/answer")).await.expect(StatusCode::OK);
-    let used = used as u64;
     // Runs that end during the last decision are kept, but are not in the answer.
-    let possible = used + 1..=used + study["runs"]["done"].as_u64().unwrap();
-    assert!(possible.contains(&answer["answer"]["runs"]["done"].as_u64().unwrap()), "{answer}");
+    let done = |runs: &Value| runs["done"].as_u64().unwrap() as usize;
+    let possible = used + 1..=used + done(&study["runs"]);
+    assert!(possible.contains(&done(&answer["answer"]["runs"])), "{answer}");
     assert_eq!(answer["seeded_by"][0]["copied"], used + REPLICATES);
     check_runs(&server, &id).await;
     // Its copies go with it.
