@@ -171,11 +171,15 @@ fn metrics_after_work() -> String {
     let _worker = sandbox.start_worker("worker");
     sandbox.wait_for_job(&job, "the job has succeeded", |job| job.state == JobState::Succeeded);
     let url = format!("{}/metrics", sandbox.address);
-    let answer = sandbox.ask(|_| async move {
-        let client = reqwest::Client::builder().no_proxy().build().unwrap();
-        client.get(url).send().await.unwrap().text().await
-    });
-    answer.unwrap()
+    let client = reqwest::Client::builder().no_proxy().build().unwrap();
+    // The server counts the request of the delivery after the job has its state.
+    wait_until("the delivery is counted", || {
+        let request = client.get(&url).send();
+        let text = sandbox.ask(|_| async move { request.await.unwrap().text().await }).unwrap();
+        let is_delivery =
+            |line: &str| line.starts_with("roost_http_requests_total{") && line.contains("/result\"");
+        text.lines().any(is_delivery).then_some(text)
+    })
 }
 
 #[test]
@@ -255,7 +259,10 @@ fn alert_of_a_real_server_fires_in_prometheus() {
     };
     let fired = wait_until("the alert on jobs without a worker", || fires("RoostNoWorkers"));
     assert_eq!(fired["annotations"]["summary"], "1 jobs are queued, and no worker is connected");
-    assert_eq!(fires("RoostDown"), None);
+    // Prometheus takes a scrape that is answered after a second for one that failed.
+    wait_until("no alert on the server", || {
+        (get("alerts").is_some() && fires("RoostDown").is_none()).then_some(())
+    });
     server.terminate();
     server.wait();
     wait_until("the alert on the end of the server", || fires("RoostDown"));

@@ -38,7 +38,8 @@ fn every_path_is_timed_on_every_bed() {
     // So many that a pause of the machine changes the shares of stages little.
     let steps = ["--steps", "200"];
     let bed = ["--subparticles", "1000", "--paths", "plain,fast", "--scenario", &scenario];
-    let rows = rows(&[&steps[..], &bed].concat());
+    let measure = || rows(&[&steps[..], &bed].concat());
+    let rows = measure();
     let beds: Vec<&str> = rows.iter().filter_map(|row| row["bed"].as_str()).collect();
     assert_eq!(beds, ["loose", "loose", "bonded", "bonded", "hopper", "hopper"]);
     for row in &rows {
@@ -57,8 +58,10 @@ fn every_path_is_timed_on_every_bed() {
         assert_eq!(row["bytes_per_subparticle"], json!(null), "{row}");
     }
     // Only fillets spend time on bonds.
-    let share = |row: usize, stage: &str| rows[row]["stages"][stage].as_f64().expect("a share");
-    assert!(share(3, "bonds") > 0.02 && share(3, "bonds") > 3.0 * share(1, "bonds"), "{rows:?}");
+    let share = |rows: &[Value], row: usize| rows[row]["stages"]["bonds"].as_f64().expect("a share");
+    let is_seen = |rows: &[Value]| share(rows, 3) > 0.02 && share(rows, 3) > 3.0 * share(rows, 1);
+    // A pause of the machine in another stage hides them: measure again.
+    assert!(is_seen(&rows) || (0..3).any(|_| is_seen(&measure())), "{rows:?}");
     assert_eq!((&rows[0]["path"], rows[1]["path"] == rows[0]["path"]), (&json!("plain"), false));
 }
 

@@ -51,7 +51,7 @@ fn backup_of_a_busy_server_is_consistent_and_restores() {
     );
     std::fs::rename(sandbox.path("data"), sandbox.path("lost")).unwrap();
     stdout(&run(&["restore", &copy, "--data", &data]));
-    let _server = sandbox.start_server();
+    let _server = sandbox.start_server_with_short_leases();
     assert_eq!(
         sandbox.job(&done).unwrap().responses,
         sandbox.wait_for_job(&done, "the job", |_| true).responses

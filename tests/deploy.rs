@@ -143,7 +143,7 @@ fn repeated_signals_are_one_request_and_a_later_one_ends_the_process() {
         "handed back: {states:?}"
     );
 
-    std::thread::sleep(Duration::from_secs(7).saturating_sub(signalled.elapsed()));
+    std::thread::sleep(Duration::from_secs(12).saturating_sub(signalled.elapsed()));
     hasty.terminate();
     let (status, took) = hasty.wait();
     assert_eq!(status.code(), Some(128 + 15), "not in its grace");

@@ -61,7 +61,7 @@ fn sweep_is_submitted_and_its_table_downloaded() {
 #[test]
 fn job_of_a_killed_worker_is_finished_once_by_another() {
     let sandbox = Sandbox::new();
-    let _server = sandbox.start_server();
+    let _server = sandbox.start_server_with_short_leases();
     let first = sandbox.start_worker("first");
     let job = sandbox.submit(&slow_scenario(JOB_DURATION_S));
     sandbox.wait_for_job(&job, "the job is under way", |job| fraction(job) > 0.05);
@@ -264,7 +264,7 @@ fn up_runs_server_and_worker_in_one_process() {
 #[test]
 fn repeated_kills_lose_no_job_and_repeat_no_result() {
     let sandbox = Sandbox::new();
-    let (mut server, mut worker) = (sandbox.start_server(), sandbox.start_worker("worker"));
+    let (mut server, mut worker) = (sandbox.start_server_with_short_leases(), sandbox.start_worker("worker"));
     let sweep = json!({
         "name": "accidents", "base": slow_scenario(0.3), "design": {"kind": "grid"}, "factors": [], "replicates": 12,
     });
@@ -278,7 +278,7 @@ fn repeated_kills_lose_no_job_and_repeat_no_result() {
             worker = sandbox.start_worker("worker");
         } else {
             server.kill();
-            server = sandbox.start_server();
+            server = sandbox.start_server_with_short_leases();
         }
     }
     let done = support::wait_until("the sweep has ended", || {

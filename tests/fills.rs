@@ -111,12 +111,14 @@ fn slow_fill(gate_m: f64, timestep_s: f64) -> Value {
 #[test]
 fn kill_of_a_worker_that_computes_a_fill_releases_the_waiting_jobs() {
     let sandbox = Sandbox::new();
-    let _server = sandbox.start_server();
+    // The lease of the first worker, which is stopped, outlasts the work of the second.
+    let _server = sandbox.start_server_with(&["--lease-s", "15"]);
     let first = sandbox.start_worker("first");
     // The filling lasts until the second worker has started and done other work.
     let slower_fill = |gate_m| slow_fill(gate_m, 2.5e-6);
     let filling = sandbox.submit(&slower_fill(0.05));
     sandbox.wait_for_job(&filling, "it fills", |job| job.progress.is_some());
+    first.freeze();
     let waiting = sandbox.submit(&slower_fill(0.06));
     let other = sandbox.submit(&hopper_scenario(0.1));
     let _second = sandbox.start_worker("second");

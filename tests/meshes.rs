@@ -134,7 +134,7 @@ fn mesh_levels_are_fetched_once_for_many_jobs() {
 #[test]
 fn worker_killed_during_a_fetch_loses_no_job() {
     let sandbox = Sandbox::new();
-    let _server = sandbox.start_server();
+    let _server = sandbox.start_server_with_short_leases();
     let proxy = Proxy::to(&sandbox.address);
     proxy.set(Files::Stall);
     let first = sandbox.start_worker_at(&proxy.address, "worker", "1");

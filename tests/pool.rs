@@ -19,7 +19,7 @@ fn cluster() -> (Sandbox, FakeSlurm) {
 /// A pool with quick looks, as a command that is not started.
 fn pool(sandbox: &Sandbox, slurm: &FakeSlurm, arguments: &[&str]) -> Command {
     let mut command = roost();
-    command.args(["pool", "slurm", "--server", &sandbox.address, "--interval", "1s", "--idle-timeout", "2s"]);
+    command.args(["pool", "slurm", "--server", &sandbox.address, "--interval", "1s", "--idle-timeout", "8s"]);
     command.arg("--state").arg(sandbox.path("pool")).args(arguments).env("PATH", slurm.path());
     // Variables of the user that would hide jobs, or submit several.
     command.env("SQUEUE_PARTITION", "other").env("SBATCH_ARRAY_INX", "1-4").env("SLURM_CLUSTERS", "other");
@@ -71,7 +71,7 @@ fn a_dry_run_prints_script_command_and_decision() {
     let output = pool(&sandbox, &slurm, &arguments).output().unwrap();
     let text = stdout(&output);
     assert!(text.starts_with("#!/usr/bin/env bash\n#SBATCH --nodes=1\n"), "{text}");
-    assert!(text.contains(&format!("work --server {} --idle-timeout 2s", sandbox.address)), "{text}");
+    assert!(text.contains(&format!("work --server {} --idle-timeout 8s", sandbox.address)), "{text}");
     assert!(text.contains("--signal=B:TERM@60 --no-requeue --output="), "{text}");
     assert!(text.contains("--partition=gpu --gres=gpu:1 < the script above\n"), "{text}");
     assert!(text.ends_with("decision: submit 3 allocations: 6 jobs wait\n"), "{text}");
@@ -232,7 +232,8 @@ fn a_cancelled_allocation_hands_its_job_back_with_a_checkpoint() {
     running.terminate();
     assert!(running.wait().0.success());
     let queued = sandbox.wait_for_job(&job, "it is handed back", |job| job.state == JobState::Queued);
-    assert!(sandbox.text("/metrics").contains(r#"roost_attempts_total{outcome="preempted"} 1"#));
+    let preempted = r#"roost_attempts_total{outcome="preempted"} 1"#;
+    wait_until("it is counted", || sandbox.text("/metrics").contains(preempted).then_some(()));
     assert!(queued.checkpoint.is_some_and(|stored| stored.simulated_s > 0.0));
     assert_eq!(slurm.all("state"), ["CANCELLED"]);
 }
@@ -274,7 +275,7 @@ fn hand_back_before_the_time_limit(workers: u32) {
         (count(&sandbox, &sweep, "queued") == u64::from(workers)).then_some(())
     });
     let preempted = format!(r#"roost_attempts_total{{outcome="preempted"}} {workers}"#);
-    assert!(sandbox.text("/metrics").contains(&preempted));
+    wait_until("they are counted", || sandbox.text("/metrics").contains(&preempted).then_some(()));
     // Until its lease ends, a worker that has ended counts as one with free slots.
     wait_until("the next one waits", || (states(&list(&sandbox)) == ["completed", "waiting"]).then_some(()));
     running.terminate();
@@ -312,7 +313,9 @@ fn allocations_are_forgotten_only_when_slurm_does_not_know_their_ids() {
     slurm.set("lost", Some(""));
     let ledger =
         wait_until("it pauses", || Some(list(&sandbox)).filter(|list| list["paused_until"].is_string()));
-    assert_eq!(states(&ledger), ["forgotten"; 6], "two in each of three looks");
+    let found = states(&ledger);
+    // Two in each of three looks; Slurm may lose them in the middle of a look, which then misses one.
+    assert!((5..=6).contains(&found.len()) && found.iter().all(|state| *state == "forgotten"), "{found:?}");
     let why = ledger["failures"]["why"].as_str().unwrap();
     assert!(why.ends_with("is unknown to Slurm, and its worker had not registered"), "{why}");
     running.terminate();
@@ -346,7 +349,7 @@ fn an_idle_worker_exits_by_itself() {
     let sandbox = Sandbox::new();
     let server = sandbox.start_server();
     let job = sandbox.submit(&hopper_scenario(0.2));
-    let worker = sandbox.start_worker_with("idle", &["--idle-timeout", "2s"]);
+    let worker = sandbox.start_worker_with("idle", &["--idle-timeout", "8s"]);
     assert!(worker.wait().0.success());
     assert_eq!(sandbox.job(&job).unwrap().state, JobState::Succeeded);
     drop(server);

@@ -104,8 +104,12 @@ fn question_is_answered_and_a_repeat_has_the_same_answer() {
     // The folder has the answer: nothing is simulated again.
     std::fs::remove_file(&table).unwrap();
     let again = place.run();
-    assert_eq!(stdout(&again), first);
-    assert_eq!(place.answer(), answer);
+    // A run that the end of the study met under way is cancelled later.
+    let words = |text: &str| {
+        text.lines().filter(|line| !line.starts_with("finished")).map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert_eq!(words(&stdout(&again)), words(&first));
+    assert_eq!(place.answer()["answer"], answer["answer"]);
     assert_eq!(runs_in(&table), runs);
 
     // Another question belongs into another folder.

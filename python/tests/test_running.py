@@ -48,14 +48,18 @@ def test_an_exception_of_the_progress_function_stops_the_run() -> None:
 
 
 def test_other_threads_go_on_during_a_run() -> None:
-    with ThreadPoolExecutor(1) as pool:
-        running = pool.submit(roost.run, slow_hopper(), threads=1, progress=False)
-        ticks = 0
-        while not running.done():
-            time.sleep(0.005)
-            ticks += 1
-    # With the lock held, this thread would wake once.
-    assert ticks > 3 and running.result().end_reason == "duration"
+    def ticks() -> int:
+        count = 0
+        with ThreadPoolExecutor(1) as pool:
+            running = pool.submit(roost.run, slow_hopper(), threads=1, progress=False)
+            while not running.done():
+                time.sleep(0.005)
+                count += 1
+        assert running.result().end_reason == "duration"
+        return count
+
+    # With the lock held, this thread would wake once, however often it is tried; a busy machine may stop it once.
+    assert any(ticks() > 3 for _ in range(5))
 
 
 def test_runs_in_a_thread_pool_have_the_bits_of_single_runs() -> None:

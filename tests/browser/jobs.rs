@@ -82,7 +82,7 @@ fn jobs_can_be_cancelled_and_retried_and_their_curves_grow() {
 #[test]
 fn failures_by_class_link_to_their_jobs() {
     let sandbox = Sandbox::new();
-    let _server = sandbox.start_server();
+    let _server = sandbox.start_server_with_short_leases();
     let worker = sandbox.start_worker("bench");
     let mut page = Page::new(&sandbox.address);
     let mut base = hopper_scenario(0.2);

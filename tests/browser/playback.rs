@@ -49,15 +49,13 @@ pub(crate) fn plays(sandbox: &Sandbox, page: &mut Page, sweep: &str) -> String {
     page.click_named("Play");
     let moved = page.until("it plays", &format!("{SHOWN} > 2 && {SHOWN}")).as_u64().unwrap();
     page.until("it plays on", &format!("{SHOWN} > {moved}"));
+    page.until("a frame time", "Number(document.querySelector('canvas').dataset.frame_ms) > 0");
     page.click_named("Pause");
     let simulated: f64 = page.value("Number(document.querySelector('canvas').dataset.simulated_s)");
     assert!(simulated > 0.0);
-    assert!(
-        page.value::<bool>("Number(document.querySelector('canvas').dataset.frame_ms) > 0"),
-        "no frame time"
-    );
 
     // Keys, the time line and the image.
+    page.until("the frame of the pause", &format!("{SHOWN} === Number({line}.value)"));
     let before: u64 = page.value(SHOWN);
     page.value::<()>("(document.querySelector('canvas').focus(), null)");
     page.key(".");

@@ -48,7 +48,7 @@ fn ask(address: SocketAddr, path: &str) -> (String, Duration) {
 
 /// Maximum time of an answer during a flood; without `ROOST_FULL` with room for a busy machine. A blocked server takes ten seconds.
 fn longest_answer() -> Duration {
-    Duration::from_secs(if std::env::var_os("ROOST_FULL").is_some() { 1 } else { 3 })
+    Duration::from_secs(if std::env::var_os("ROOST_FULL").is_some() { 1 } else { 8 })
 }
 
 /// A value from `/metrics`.
@@ -159,7 +159,7 @@ fn ten_thousand_incomplete_requests_do_not_block_other_clients() {
     );
     assert!(slowest < longest_answer(), "{slowest:?}");
     assert!(most < 150 * MIB, "{} MiB", most / MIB);
-    assert!(closed < Duration::from_secs(15), "{closed:?}");
+    assert!(closed < Duration::from_secs(25), "{closed:?}");
     assert!(open > 1000.0, "{open}: they were not there at once");
 
     // The connection is idle for longer than the timeout of the server; the client does not use it again.

@@ -26,7 +26,7 @@ fn changed_clock_expires_no_lease_and_repeats_no_run() {
         skip("libfaketime is not installed (Debian package faketime)");
         return;
     };
-    let server = sandbox.start_server();
+    let server = sandbox.start_server_with_short_leases();
     let _worker = sandbox.start_worker("worker");
     let mut hours = Vec::new();
     for (seed, offset_s) in [(1, HOUR_S), (2, -HOUR_S)] {
@@ -50,7 +50,7 @@ fn changed_clock_expires_no_lease_and_repeats_no_run() {
         runs(&sandbox, &job);
         server.kill();
         sandbox.set_clock("serve", offset_s);
-        server = sandbox.start_server();
+        server = sandbox.start_server_with_short_leases();
         let job = sandbox.wait_for_job(&job, "the job has ended", |job| job.state.is_ended());
         assert_eq!((job.state, job.attempt), (JobState::Succeeded, 1), "{job:?}");
     }

@@ -25,12 +25,17 @@ fn two_servers() -> (Cluster, String, [Sandbox; 2], [Process; 2]) {
     let database = postgres.create("roost");
     let sandboxes = pair_of_sandboxes(Sandbox::new);
     let servers = [0, 1].map(|index| start(&sandboxes[index], &database));
-    assert!(servers[1].log().contains("requests are passed on"), "{}", servers[1].log());
+    wait_to_stand_by(&servers[1]);
     (postgres, database, sandboxes, servers)
 }
 
 fn start(sandbox: &Sandbox, database: &str) -> Process {
     sandbox.start_server_with(&["--lease-s", "3", "--database", database])
+}
+
+/// Waits for the log of a standby: it may pass on a request before.
+fn wait_to_stand_by(server: &Process) {
+    support::wait_until("it stands by", || server.log().contains("requests are passed on").then_some(()));
 }
 
 /// Asks for the list of jobs for some time. Each answer must be 200.
@@ -64,7 +69,7 @@ fn either_of_two_servers_answers_and_the_second_leads_after_the_first() {
     first.kill();
     answers_all_the_time(&two, Duration::from_secs(3));
     let first = start(&one, &database);
-    assert!(first.log().contains("requests are passed on"), "{}", first.log());
+    wait_to_stand_by(&first);
     jobs.push(submit(&one, 8));
 
     // The end of an upgrade: the second stops in good order.
@@ -110,7 +115,8 @@ fn a_frozen_leader_loses_the_lead_and_stands_by_afterwards() {
     support::wait_until("the first server stands by", || {
         first.log().contains("another server leads now").then_some(())
     });
-    assert_eq!(one.job(&job).unwrap().state, JobState::Queued);
+    let seen = one.wait_for_job(&job, "it passes requests on", |_| true);
+    assert_eq!(seen.state, JobState::Queued);
     let _worker = one.start_worker("worker");
     for job in [waiting, job] {
         two.wait_for_job(&job, "the job has succeeded", |job| job.state == JobState::Succeeded);

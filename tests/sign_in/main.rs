@@ -295,11 +295,11 @@ fn a_server_works_while_its_provider_is_away() {
         // The failure holds for some seconds: nobody makes the server call the provider again and again.
         let began = Instant::now();
         assert_eq!(visitor.get(&site.at("/dashboard/sign-in")).status, 503);
-        assert!(began.elapsed() < Duration::from_secs(5), "{:?}", began.elapsed());
+        assert!(began.elapsed() < Duration::from_secs(9), "{:?}", began.elapsed());
         let began = Instant::now();
         let invented = site.at("/dashboard/sign-in/callback?code=c&state=0000");
         assert_eq!(visitor.get(&invented).status, 400, "refused before any call of the provider");
-        assert!(began.elapsed() < Duration::from_secs(5), "{:?}", began.elapsed());
+        assert!(began.elapsed() < Duration::from_secs(9), "{:?}", began.elapsed());
         let job = visitor.send(Method::GET, &site.at("/v1/jobs"), &authorized, None);
         assert_eq!(job.status, 200, "tokens still work");
         server.terminate();

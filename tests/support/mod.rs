@@ -235,8 +235,13 @@ impl Sandbox {
         path.display().to_string()
     }
 
-    /// Starts a server with short leases and waits until it responds.
+    /// Starts a server and waits until it responds. No pause of a busy machine is as long as its leases.
     pub(crate) fn start_server(&self) -> Process {
+        self.start_server_with(&["--lease-s", "30"])
+    }
+
+    /// Starts a server whose leases end soon after the death of their worker.
+    pub(crate) fn start_server_with_short_leases(&self) -> Process {
         self.start_server_with(&["--lease-s", "2"])
     }
 

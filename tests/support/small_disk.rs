@@ -17,9 +17,9 @@ impl SmallDisk {
         mounted.ok()?.status.success().then(|| Self(at.to_owned()))
     }
 
-    /// Fills the file system completely.
+    /// Fills the file system completely, also one that was filled before.
     pub(crate) fn fill(&self) {
-        let mut file = File::create(self.ballast()).unwrap();
+        let mut file = File::options().create(true).append(true).open(self.ballast()).unwrap();
         for bytes in [1 << 16, 1 << 12, 1] {
             while file.write_all(&vec![0; bytes]).is_ok() {}
         }

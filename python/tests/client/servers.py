@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import socket
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -20,9 +19,8 @@ class Farm:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.processes: list[subprocess.Popen[bytes]] = []
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.url = f"http://127.0.0.1:{probe.getsockname()[1]}"
+        # The system chooses the port at the first start; later servers keep it.
+        self.url = "http://127.0.0.1:0"
 
     def __enter__(self) -> Farm:
         return self
@@ -43,7 +41,9 @@ class Farm:
         ]
         server = self._start([*command, *arguments], stdout=subprocess.PIPE)
         assert server.stdout is not None
-        assert server.stdout.readline().startswith(b"listening")
+        line = server.stdout.readline().decode()
+        assert line.startswith("listening on "), line
+        self.url = line.split()[-1]
         return server
 
     def work(self) -> subprocess.Popen[bytes]:

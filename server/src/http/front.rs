@@ -30,7 +30,7 @@ use super::{meta, metrics, safety};
 use body::{Lent, Relayed};
 
 /// Maximum time that a request waits for a leader. A leader that stops has a successor within a few seconds. Tests wait for it.
-const PATIENCE: Duration = Duration::from_secs(if cfg!(test) { 1 } else { 10 });
+const PATIENCE: Duration = Duration::from_secs(if cfg!(test) { 4 } else { 10 });
 
 /// Wait before a leader that could not be reached is tried again.
 const RETRY: Duration = Duration::from_millis(200);

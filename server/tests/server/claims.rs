@@ -124,7 +124,7 @@ async fn waiting_claim_wakes_when_work_arrives() {
         let ((claimed, attempt), woken) = tokio::join!(waiting, waking);
         assert!(attempt["job_id"].is_string(), "{wake}: {attempt}");
         let late = claimed.saturating_duration_since(woken);
-        assert!(late < Duration::from_secs(5), "{wake}: woke {late:?} after the work was there");
+        assert!(late < Duration::from_secs(15), "{wake}: woke {late:?} after the work was there");
     }
     server.stop().await;
 }
@@ -133,7 +133,7 @@ async fn waiting_claim_wakes_when_work_arrives() {
 async fn claim_waits_as_requested_up_to_the_maximum() {
     let (server, _dir) = TestServer::with(|config| config.max_claim_wait = Duration::from_millis(600)).await;
     let worker = server.worker("cpu").await;
-    for (asked, least, most) in [(0.0, 0, 5000), (0.3, 300, 5000), (60.0, 600, 5000)] {
+    for (asked, least, most) in [(0.0, 0, 20_000), (0.3, 300, 20_000), (60.0, 600, 20_000)] {
         let before = Instant::now();
         let reply = server.post("/v1/claims", &worker.claim_request(1, asked)).await.expect(StatusCode::OK);
         let waited = before.elapsed().as_millis();

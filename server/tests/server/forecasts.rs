@@ -10,7 +10,7 @@ use super::test_server::*;
 
 /// Waits until a forecast is as wanted.
 async fn until(server: &TestServer, path: &str, is_wanted: impl Fn(&Value) -> bool) -> Value {
-    let deadline = Instant::now() + Duration::from_secs(15);
+    let deadline = Instant::now() + Duration::from_secs(60);
     loop {
         let forecast = server.get(path).await.expect(StatusCode::OK);
         if is_wanted(&forecast) {
@@ -42,13 +42,26 @@ fn sweep(jobs: u64) -> Value {
            "cache": "bypass", "shared_fill": false})
 }
 
-async fn lease_of_a_minute() -> (TestServer, tempfile::TempDir) {
-    TestServer::with(|config| config.lease = Duration::from_secs(60)).await
+async fn long_lease() -> (TestServer, tempfile::TempDir) {
+    TestServer::with(|config| config.lease = Duration::from_secs(600)).await
+}
+
+/// Makes six runs one after the other, and returns the time of the slowest in seconds: a busy machine stretches some.
+async fn make_six_runs(worker: &Worker<'_>, run: Duration) -> f64 {
+    let mut slowest_s = 0.0_f64;
+    for _ in 0..6 {
+        let began = Instant::now();
+        let attempt = worker.claim_one().await;
+        tokio::time::sleep(run).await;
+        worker.deliver(&attempt).await.expect(StatusCode::OK);
+        slowest_s = slowest_s.max(began.elapsed().as_secs_f64());
+    }
+    slowest_s
 }
 
 #[tokio::test]
 async fn a_sweep_has_reasons_and_learns_from_its_runs() {
-    let (server, _dir) = lease_of_a_minute().await;
+    let (server, _dir) = long_lease().await;
     let id = server.post("/v1/sweeps", &sweep(12)).await.expect(StatusCode::CREATED)["id"].clone();
     let path = format!("/v1/sweeps/{}/forecast", text(&id));
     let nobody = server.get(&path).await.expect(StatusCode::OK);
@@ -70,11 +83,7 @@ async fn a_sweep_has_reasons_and_learns_from_its_runs() {
     assert!(low_s > 0.0 && high_s > 2.0 * low_s, "a wide guess: {low_s} to {high_s} s");
 
     // Runs of 0.3 s, whatever the check expects.
-    for _ in 0..6 {
-        let attempt = worker.claim_one().await;
-        tokio::time::sleep(Duration::from_millis(300)).await;
-        worker.deliver(&attempt).await.expect(StatusCode::OK);
-    }
+    let slowest_s = make_six_runs(&worker, Duration::from_millis(300)).await;
     let running = worker.claim_one().await;
     let learned = until(&server, &path, |forecast| forecast["basis"]["finished_runs"] == 6).await;
     assert_eq!(learned["basis"]["learned_from"], "sweep");
@@ -85,7 +94,10 @@ async fn a_sweep_has_reasons_and_learns_from_its_runs() {
         "it has started"
     );
     let (low_s, high_s) = range_s(&learned, "end");
-    assert!(low_s > 1.0 && high_s < 6.0, "5 runs of 0.3 s and the rest of one: {low_s} to {high_s} s");
+    assert!(
+        low_s > 0.5 && high_s < 20.0 * slowest_s,
+        "5 runs of 0.3 s and the rest of one: {low_s} to {high_s} s"
+    );
 
     let pause = server.post(&format!("/v1/sweeps/{}/pause", text(&id)), &json!({})).await;
     pause.expect(StatusCode::OK);
@@ -100,14 +112,12 @@ async fn a_sweep_has_reasons_and_learns_from_its_runs() {
 
 #[tokio::test]
 async fn a_job_starts_after_those_before_it() {
-    let (server, _dir) = lease_of_a_minute().await;
+    let (server, _dir) = long_lease().await;
     let worker = server.worker("cpu").await;
     for seed in 1..=6 {
         server.submit(&envelope(seed)).await;
-        let attempt = worker.claim_one().await;
-        tokio::time::sleep(Duration::from_millis(200)).await;
-        worker.deliver(&attempt).await.expect(StatusCode::OK);
     }
+    let slowest_s = make_six_runs(&worker, Duration::from_millis(200)).await;
     server.post("/v1/sweeps", &sweep(20)).await.expect(StatusCode::CREATED);
     let mut last = envelope(50);
     last["priority"] = json!(-1);
@@ -120,7 +130,7 @@ async fn a_job_starts_after_those_before_it() {
     );
     assert_eq!(waiting["basis"]["learned_from"], "backend");
     let (start, end) = (range_s(&waiting, "start"), range_s(&waiting, "end"));
-    assert!(start.0 > 2.0 && start.1 < 12.0, "20 runs of about 0.2 s: {start:?}");
+    assert!(start.0 > 2.0 && start.1 < 60.0 * slowest_s, "20 runs of about 0.2 s: {start:?}");
     assert!(end.0 > start.0 && end.1 > start.1, "{end:?}");
     // Among other reasons, the best place: the forecast follows.
     server.post(&format!("/v1/jobs/{}/pause", text(&id)), &json!({})).await.expect(StatusCode::OK);
@@ -143,7 +153,7 @@ async fn a_job_starts_after_those_before_it() {
 
 #[tokio::test]
 async fn the_depth_of_the_queue_counts_jobs_by_needs() {
-    let (server, _dir) = lease_of_a_minute().await;
+    let (server, _dir) = long_lease().await;
     let path = "/v1/queue/depth";
     let empty = server.get(path).await.expect(StatusCode::OK);
     assert_eq!((&empty["queued"], &empty["total"], &empty["by_needs"]), (&json!(0), &json!(0), &json!([])));
@@ -168,11 +178,7 @@ async fn the_depth_of_the_queue_counts_jobs_by_needs() {
     assert!(time_s(guess, "longest_s") > 2.0 * time_s(guess, "shortest_s"), "a wide guess: {guess}");
 
     let worker = server.worker("cpu").await;
-    for _ in 0..6 {
-        let attempt = worker.claim_one().await;
-        tokio::time::sleep(Duration::from_millis(200)).await;
-        worker.deliver(&attempt).await.expect(StatusCode::OK);
-    }
+    let slowest_s = make_six_runs(&worker, Duration::from_millis(200)).await;
     worker.claim_one().await;
     let depth = until(&server, path, |depth| depth["queued"] == 8 && depth["running"] == 1).await;
     assert_eq!((jobs(&depth), &depth["total"]), (vec![(Value::Null, 5), (json!("gpu"), 3)], &json!(9)));
@@ -180,7 +186,7 @@ async fn the_depth_of_the_queue_counts_jobs_by_needs() {
     assert_eq!((&known["workers"], &known["slots"], &known["free_slots"]), (&json!(1), &json!(1), &json!(0)));
     assert_eq!(known["finished_runs"], 6);
     let (low_s, high_s) = (time_s(known, "shortest_s"), time_s(known, "longest_s"));
-    assert!(low_s > 0.15 && high_s < 2.0, "runs of 0.2 s: {low_s} to {high_s} s");
+    assert!(low_s > 0.15 && high_s < 10.0 * slowest_s, "runs of 0.2 s: {low_s} to {high_s} s");
     assert_eq!(depth["by_needs"][1]["workers"], 0, "no worker has a GPU");
 
     let pause = server.post(&format!("/v1/sweeps/{}/pause", text(&sweep["id"])), &json!({})).await;
@@ -198,7 +204,7 @@ fn question(level: f64, max_runs: u64) -> Value {
 
 #[tokio::test]
 async fn a_study_is_forecast_before_and_after_its_submission() {
-    let (server, _dir) = lease_of_a_minute().await;
+    let (server, _dir) = long_lease().await;
     let validate = async |document: Value| server.post("/v1/studies/validate", &document).await;
     let report = validate(question(0.05, 40)).await.expect(StatusCode::OK);
     assert_eq!(report["shortage"], "the best case needs 59 runs, and the budget is 40");
@@ -224,7 +230,7 @@ async fn a_study_is_forecast_before_and_after_its_submission() {
     let why = "clients choose when its runs are made";
     let promised = json!({"runs": runs, "processor": null, "duration": null, "end": null, "no_forecast": why, "basis": null});
     assert_eq!((&report["forecast"], &report["wall_s"]), (&promised, &json!(0.0)), "no hours of workers");
-    let deadline = Instant::now() + Duration::from_secs(10);
+    let deadline = Instant::now() + Duration::from_secs(60);
     let report = loop {
         let report = validate(question(0.05, 300)).await.expect(StatusCode::OK);
         if report["forecast"]["end"].is_object() {
@@ -269,7 +275,7 @@ async fn a_study_is_forecast_before_and_after_its_submission() {
 
 #[tokio::test]
 async fn runs_without_a_queued_job_are_forecast_for_workers_that_suit_them() {
-    let (server, _dir) = lease_of_a_minute().await;
+    let (server, _dir) = long_lease().await;
     let (gpu, _cpu) = (server.worker("gpu").await, server.worker("cpu").await);
     let needs = json!({"backend": "gpu"});
     let (mut job, mut sweep, mut study) = (envelope(900), sweep(2), question(0.5, 3));

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use reqwest::StatusCode;
 use serde_json::json;
+use sqlx::Connection;
 
 use super::test_server::*;
 
@@ -22,7 +23,7 @@ async fn expired_lease_requeues_the_job_and_heartbeats_renew_a_lease() {
     }
     assert_eq!(alive.beat(&held, progress(0.5)).await["directive"], "continue");
     assert_eq!(server.job(&kept["id"]).await["attempt"], 1, "heartbeats renew the lease");
-    assert_eq!(server.job(&lost["id"]).await["state"], "queued");
+    server.wait_for(&lost["id"], "queued").await;
     let second = alive.claim_one().await;
     assert_eq!((&second["job_id"], &second["attempt"]), (&lost["id"], &json!(2)));
     alive.deliver(&second).await.expect(StatusCode::OK);
@@ -31,7 +32,7 @@ async fn expired_lease_requeues_the_job_and_heartbeats_renew_a_lease() {
 
 #[tokio::test]
 async fn expired_attempt_may_deliver_until_the_job_is_claimed_again() {
-    let (server, _dir) = TestServer::with(|config| config.lease = Duration::from_secs(2)).await;
+    let (server, _dir) = TestServer::with(|config| config.lease = Duration::from_secs(5)).await;
     let worker = server.worker("cpu").await;
     let job = server.submit(&envelope(1)).await;
     let attempt = worker.claim_one().await;
@@ -83,18 +84,28 @@ async fn recovered_attempt_does_not_count_as_lost() {
 
 #[tokio::test]
 async fn restart_preserves_jobs_and_leases() {
-    let (server, dir) = TestServer::with(|config| config.lease = Duration::from_secs(3)).await;
+    let lease = Duration::from_secs(60);
+    let (server, dir) = TestServer::with(|config| config.lease = lease).await;
     let running = server.submit(&envelope(1)).await;
     let worker = server.worker("cpu").await;
     let worker_id = worker.id.clone();
     let attempt = worker.claim_one().await;
     let queued = server.submit(&envelope(2)).await;
     server.stop().await;
-    tokio::time::sleep(Duration::from_millis(3200)).await; // longer than the lease
+    // As after a stop that was longer than the lease.
+    let mut database =
+        sqlx::SqliteConnection::connect(dir.path().join("roost.db").to_str().unwrap()).await.unwrap();
+    for aged in [
+        "UPDATE jobs SET lease_expires_at = 1 WHERE state = 'running'",
+        "UPDATE workers SET last_seen_at = 1",
+    ] {
+        sqlx::query(aged).execute(&mut database).await.unwrap();
+    }
+    database.close().await.unwrap();
 
-    let server = TestServer::on(dir.path(), |config| config.lease = Duration::from_secs(3)).await;
+    let server = TestServer::on(dir.path(), |config| config.lease = lease).await;
     let worker = Worker { server: &server, id: worker_id };
-    tokio::time::sleep(Duration::from_millis(1000)).await; // long enough for the reaper to check leases
+    tokio::time::sleep(Duration::from_millis(2500)).await; // the reaper checks leases each second
     assert_eq!(server.job(&running["id"]).await["state"], "running", "the lease starts anew with the server");
     let mut kept = server.job(&queued["id"]).await;
     // Only a read of the job says why it waits.

@@ -51,7 +51,7 @@ async fn metrics_count_jobs_workers_and_requests() {
 #[tokio::test]
 async fn metrics_count_each_attempt_once() {
     let (server, _dir) = TestServer::with(|config| {
-        config.lease = Duration::from_millis(1500);
+        config.lease = Duration::from_secs(6);
         config.max_claim_wait = Duration::from_millis(10);
     })
     .await;
@@ -100,7 +100,7 @@ async fn age_of_the_oldest_queued_job_counts_from_its_last_queueing() {
     let (server, _dir) = TestServer::start().await;
     // Jobs are counted once per second: the number may be old.
     let age = async |what: &str, fits: &dyn Fn(f64) -> bool| {
-        let deadline = Instant::now() + Duration::from_secs(20);
+        let deadline = Instant::now() + Duration::from_secs(120);
         loop {
             let age = metric(&server, "roost_oldest_queued_seconds").await;
             if fits(age) {
@@ -112,11 +112,13 @@ async fn age_of_the_oldest_queued_job_counts_from_its_last_queueing() {
     };
     age("nothing is queued", &|age| age == 0.0).await;
     let job = server.submit(&envelope(1)).await["id"].clone();
-    let queued = age("it waits", &|age| age > 2.0).await;
+    age("it waits", &|age| age > 2.0).await;
+    let again = Instant::now();
     for verb in ["cancel", "retry"] {
         server.post(&format!("/v1/jobs/{}/{verb}", text(&job)), &json!({})).await.expect(StatusCode::OK);
     }
-    age("it pauses again", &|age| age > 0.0 && age < queued).await;
+    // From its first queueing it would be two seconds older.
+    age("it pauses again", &|age| age > 0.0 && age < again.elapsed().as_secs_f64() + 1.0).await;
     server.worker("cpu").await.claim_one().await;
     age("it runs", &|age| age == 0.0).await;
     server.stop().await;
@@ -135,7 +137,7 @@ async fn metrics_report_disk_process_and_build() {
     assert!(number(&text, "roost_disk_free_bytes") > 1e6);
     let (commits, seconds) =
         (number(&text, "roost_commit_seconds_count"), number(&text, "roost_commit_seconds_sum"));
-    assert!(commits >= 2.0 && seconds > 0.0 && seconds < commits, "{commits} commits in {seconds} s");
+    assert!(commits >= 2.0 && seconds > 0.0 && seconds < 100.0 * commits, "{commits} commits in {seconds} s");
     assert!((5e6..1e10).contains(&number(&text, "process_resident_memory_bytes")), "{text}");
     let (open, limit) = (number(&text, "process_open_fds"), number(&text, "process_max_fds"));
     assert!(open > 10.0 && open < limit, "{open} of {limit}");

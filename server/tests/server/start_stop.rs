@@ -1,6 +1,6 @@
 //! Start and shutdown.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use reqwest::StatusCode;
 use roost_server::{DataError, Server, ServerConfig, ServerError};
@@ -34,8 +34,17 @@ async fn second_server_on_a_data_directory_is_refused() {
     };
     let error = Server::bind(config.clone()).await.err().unwrap();
     assert!(matches!(error, ServerError::Data(DataError::InUse(_))), "{error}");
-    // The next server may start while the previous one stops.
-    let (next, _) = tokio::join!(Server::bind(config), server.stop());
+    // The next server may start while the previous one stops; a start waits a second for it.
+    let next = async {
+        let deadline = Instant::now() + Duration::from_secs(60);
+        loop {
+            match Server::bind(config.clone()).await {
+                Err(ServerError::Data(DataError::InUse(_))) if Instant::now() < deadline => {}
+                bound => break bound,
+            }
+        }
+    };
+    let (next, _) = tokio::join!(next, server.stop());
     next.expect("free again");
 }
 

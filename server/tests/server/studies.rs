@@ -29,6 +29,13 @@ pub(super) fn question(max_runs: u32) -> Value {
            "budget": {"max_runs": max_runs}})
 }
 
+/// A question that its rule cannot end in a few runs, whatever they give.
+pub(super) fn hard_question(max_runs: u32) -> Value {
+    let mut question = question(max_runs);
+    question["goal"]["boundary"]["misclassified"] = json!(0.001);
+    question
+}
+
 pub(super) async fn submit(server: &TestServer, question: &Value) -> String {
     let study = server.post("/v1/studies", question).await.expect(StatusCode::CREATED);
     text(&study["id"]).to_owned()
@@ -67,6 +74,15 @@ pub(super) async fn work(server: &TestServer, id: &str, enough: usize) -> Value 
             return study;
         }
         assert!(Instant::now() < deadline, "{study}");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+}
+
+/// Waits until a finished study has no runs to make: the rest is cancelled soon after the last decision.
+pub(super) async fn wait_until_idle(server: &TestServer, id: &str) {
+    let deadline = Instant::now() + Duration::from_secs(60);
+    while show(server, id).await["runs"]["pending"] != 0 {
+        assert!(Instant::now() < deadline, "{}", show(server, id).await);
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
 }
@@ -120,12 +136,8 @@ async fn a_boundary_is_found_and_stated() {
         assert!(is_stated(part), "{part}: {sentences:?}");
     }
     check_runs(&server, &id).await;
-    // Runs that nobody needs any more do not stay in the queue: they are cancelled soon after the last decision.
-    let deadline = Instant::now() + Duration::from_secs(60);
-    while show(&server, &id).await["runs"]["pending"] != 0 {
-        assert!(Instant::now() < deadline, "{}", show(&server, &id).await);
-        tokio::time::sleep(Duration::from_millis(20)).await;
-    }
+    // Runs that nobody needs any more do not stay in the queue.
+    wait_until_idle(&server, &id).await;
     assert_eq!(server.worker("cpu").await.claim(10).await, [Value::Null; 0]);
     server.stop().await;
 }
@@ -152,7 +164,7 @@ async fn restarted_server_continues_a_study() {
 #[tokio::test]
 async fn study_ends_at_its_budget_and_continues_with_a_larger_one() {
     let (server, _dir) = TestServer::start().await;
-    let id = submit(&server, &question(12)).await;
+    let id = submit(&server, &hard_question(12)).await;
     let study = work(&server, &id, usize::MAX).await;
     assert_eq!((&study["finished"], &study["runs"]["done"]), (&json!("by_budget"), &json!(12)), "{study}");
     let budget = format!("/v1/studies/{id}/budget");
@@ -169,7 +181,7 @@ async fn study_ends_at_its_budget_and_continues_with_a_larger_one() {
 #[tokio::test]
 async fn a_paused_study_proposes_and_runs_nothing_and_a_cancelled_one_ends() {
     let (server, _dir) = TestServer::start().await;
-    let id = submit(&server, &question(400)).await;
+    let id = submit(&server, &hard_question(400)).await;
     work(&server, &id, 8).await;
     let paused = ask(&server, &id, "pause").await;
     assert_eq!(paused["state"], "paused");
@@ -215,7 +227,7 @@ async fn a_paused_study_proposes_and_runs_nothing_and_a_cancelled_one_ends() {
 #[tokio::test]
 async fn a_retry_of_cancelled_jobs_continues_the_study() {
     let (server, _dir) = TestServer::start().await;
-    let id = submit(&server, &question(14)).await;
+    let id = submit(&server, &hard_question(14)).await;
     let deadline = Instant::now() + Duration::from_secs(20);
     work(&server, &id, 4).await;
     while show(&server, &id).await["runs"]["pending"] == 0 {

