@@ -11,8 +11,6 @@ import pytest
 from nbclient import NotebookClient
 
 NOTEBOOKS = Path(__file__).parents[1] / "notebooks"
-# For busy machines: seconds of a cell, of its outputs after its end, and of the start of a kernel.
-LIMITS = {"timeout": 180, "iopub_timeout": 60, "startup_timeout": 180}
 PICTURES = {"first-run": 1, "sweep": 2, "study": 1, "calibration": 1}
 
 
@@ -44,7 +42,15 @@ def test_every_notebook_is_known_and_without_outputs() -> None:
 def test_a_notebook_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(Path(os.environ["ROOST_COMMAND"]).parent), prepend=os.pathsep)
     notebook = load(name)
-    client = NotebookClient(notebook, **LIMITS, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}})
+    # A busy machine may be late with a kernel, and with the outputs of a cell.
+    client = NotebookClient(
+        notebook,
+        timeout=180,
+        iopub_timeout=60,
+        startup_timeout=180,
+        kernel_name="python3",
+        resources={"metadata": {"path": str(tmp_path)}},
+    )
     # A cell that fails raises its error. The notebook with its outputs stays in the folder of pytest.
     try:
         client.execute()
