@@ -15,7 +15,7 @@ use crate::database::Database;
 /// running. After a restore, these jobs run again.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Backup {
-    /// Folder for the copy; this folder must not have a backup yet
+    /// Folder for the copy; this folder must not contain a backup
     folder: PathBuf,
     #[command(flatten)]
     common: Common,

@@ -9,7 +9,7 @@ use serde_json::json;
 
 use crate::copies;
 
-/// Copy the database of a stopped server to PostgreSQL, or back
+/// Copy the database of a stopped server to PostgreSQL, or from PostgreSQL to a data folder
 ///
 /// The option `--from` names the source, and `--to` names the target: a data folder, or the address of a PostgreSQL database. The
 /// target must be empty. After the copy, the command compares every table of the source and the target. The command does not copy

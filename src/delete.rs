@@ -8,7 +8,7 @@ use uuid::Uuid;
 
 use crate::target;
 
-/// Delete a sweep with all its results; without --yes, only show the numbers of its jobs and results
+/// Delete a sweep with all its results; without --yes, only show how many jobs and results the sweep has
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep

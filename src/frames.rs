@@ -30,8 +30,8 @@ pub(crate) struct FrameArgs {
     /// Files of frames that the command writes
     #[arg(long, requires = "frames", value_enum, default_value_t = Format::Both)]
     frame_format: Format,
-    /// Maximum size of all frames together. Before the run, Roost forecasts the size, and refuses the run if the forecast is larger.
-    /// If the frames reach the maximum during the run, the run continues without recording more frames
+    /// Maximum size of all frames together. Before the run, Roost forecasts the size, and refuses the run if the forecast is larger. If
+    /// the frames reach the maximum during the run, the run continues, but records no more frames
     #[arg(long, requires = "frames", default_value_t = 2000, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     frame_limit_mb: u64,
 }

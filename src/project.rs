@@ -11,9 +11,10 @@ use crate::database::ServerData;
 
 /// Create, list and change projects: their shares of the workers and their budgets
 ///
-/// A token belongs to a project, and so do the jobs that the token submits. While several projects have queued jobs, the workers take jobs of
-/// each project in proportion to its share. A project that has used up its budget keeps its queued jobs, and no worker takes them. The command
-/// changes the data folder of a server. A running server notices the change within a second.
+/// Each token belongs to a project. The jobs that somebody submits with the token belong to the same project. While several projects
+/// have queued jobs, the workers take jobs of each project in proportion to its share. If a project has used its whole budget, its
+/// queued jobs stay in the queue, and no worker takes these jobs. The command changes the data folder of a server. A running server
+/// notices the change within a second.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]

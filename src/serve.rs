@@ -44,7 +44,8 @@ pub(crate) struct ServerArgs {
     objects: Option<Bucket>,
     #[command(flatten)]
     sign_in: SignInArgs,
-    /// Time between two heartbeats of a worker. A heartbeat is a message that the worker and its jobs still run
+    /// Time between two heartbeats of a worker. A heartbeat is a message from the worker to the server; it shows that the worker and
+    /// its jobs still run
     #[arg(long, default_value_t = 2.0, value_name = "SECONDS", value_parser = positive)]
     heartbeat_s: f64,
     /// Duration of a lease, which is the right of a worker to run a job. Each heartbeat renews the lease. If no heartbeat arrives for
@@ -60,10 +61,10 @@ pub(crate) struct ServerArgs {
     /// Maximum number of jobs of a sweep
     #[arg(long, default_value_t = ServerConfig::default().max_jobs_per_sweep, value_name = "N")]
     max_jobs: u64,
-    /// Maximum size of the body of a request
+    /// Maximum size, in bytes, of the data that a client sends with one request
     #[arg(long, default_value_t = ServerConfig::default().max_body_bytes, value_name = "BYTES")]
     max_body_bytes: usize,
-    /// Maximum size of the frames of one job. When the frames reach this size, the job continues without recording more frames
+    /// Maximum size of the frames of one job. When the frames reach this size, the job continues, but records no more frames
     #[arg(long, default_value_t = ServerConfig::default().max_frames_bytes / 1_000_000, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     max_frames_mb: u64,
     /// Time between two checkpoints of a running job, such as 30s, 5m or 1h. This time is real time, not simulated time. With 0, jobs
@@ -82,7 +83,8 @@ pub(crate) struct ServerArgs {
     /// The server deletes a filled state that no job has used for this time, such as 12h or 30d
     #[arg(long, default_value = "30d", value_name = "AGE", value_parser = crate::prune::age)]
     fills_max_age: Duration,
-    /// Maximum number of requests per second for each token, or for all clients without tokens; 0 means no limit
+    /// Maximum number of requests per second for each access token. All clients without a token together have the same limit. 0 means
+    /// no limit
     #[arg(long, default_value_t = 0, value_name = "N")]
     max_requests_per_s: u32,
     /// Maximum number of open connections. At this number, the server closes an idle connection when a new client connects. Each
@@ -94,11 +96,12 @@ pub(crate) struct ServerArgs {
     /// server never deletes sweeps or jobs by itself
     #[arg(long, value_name = "AGE", value_parser = crate::prune::age)]
     prune_after: Option<Duration>,
-    /// A job fails after this number of attempts that failed because of a fault of their worker. An attempt is one try to simulate
-    /// the job. 0 means no limit
+    /// Number of attempts of a job that may fail because of a fault of the worker. After this number of such attempts, the job fails.
+    /// An attempt is one try to simulate the job. 0 means no limit
     #[arg(long, default_value_t = RetryPolicy::default().worker.attempts, value_name = "N")]
     worker_attempts: u32,
-    /// A job fails after this number of attempts whose worker was lost, which means that its heartbeats stopped. 0 means no limit
+    /// Number of attempts of a job that may end because the worker was lost. A worker is lost when its heartbeats stop. After this
+    /// number of such attempts, the job fails. 0 means no limit
     #[arg(long, default_value_t = RetryPolicy::default().lost.attempts, value_name = "N")]
     lost_attempts: u32,
     /// Pause before the second attempt of a job, if the first attempt failed because of a fault of the worker. If the worker was

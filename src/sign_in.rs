@@ -10,7 +10,8 @@ use crate::interval;
 /// The options. All of them are texts here, so that one error names all faults.
 #[derive(Debug, clap::Args)]
 pub(crate) struct SignInArgs {
-    /// Issuer of the OpenID Connect provider with which users sign in to the dashboard, exactly as the provider names itself
+    /// Address of the OpenID Connect provider with which users sign in to the dashboard. Write the address exactly as the provider
+    /// states it (the issuer)
     #[arg(long = "oidc-issuer", env = "ROOST_OIDC_ISSUER", hide_env_values = true, value_name = "URL")]
     issuer: Option<String>,
     /// Client id of this server at the provider
@@ -24,13 +25,14 @@ pub(crate) struct SignInArgs {
         value_name = "FILE"
     )]
     client_secret_file: Option<PathBuf>,
-    /// Address of this server in browsers, such as `https://roost.example`. The provider sends browsers back to
-    /// `/dashboard/sign-in/callback` there
+    /// Address of this server in browsers, such as `https://roost.example`. The provider sends browsers back to the path
+    /// `/dashboard/sign-in/callback` of this address
     #[arg(long = "oidc-redirect", env = "ROOST_OIDC_REDIRECT", hide_env_values = true, value_name = "URL")]
     redirect: Option<String>,
-    /// Rule who may sign in: users of a group of the provider get a scope in a project; `*` means every user of the provider. The
-    /// option may be given several times, and the variable has one rule a line. The first rule that fits gives the project of a
-    /// user, and all rules that fit in this project give scopes
+    /// Rule that states which users may sign in: the users of this group of the provider get this scope in this project. The group `*`
+    /// has every user of the provider. For several rules, repeat the option, or write each rule on its own line of the environment
+    /// variable. The first rule that fits a user selects the project of the user. The user gets the scopes of all rules that fit the
+    /// user and have this project
     #[arg(
         long = "oidc-allow",
         env = "ROOST_OIDC_ALLOW",
@@ -39,7 +41,7 @@ pub(crate) struct SignInArgs {
         value_name = "GROUP=PROJECT:SCOPE"
     )]
     allow: Vec<String>,
-    /// Claim with the groups of a user
+    /// Name of the claim that has the groups of a user. A claim is a named value in the data that the provider sends about a user
     #[arg(
         long = "oidc-groups-claim",
         env = "ROOST_OIDC_GROUPS_CLAIM",
@@ -48,8 +50,9 @@ pub(crate) struct SignInArgs {
         value_name = "CLAIM"
     )]
     groups_claim: String,
-    /// Claim with the name of a user. If the claim is missing, or is an e-mail address that the provider has not verified, the server
-    /// takes `preferred_username` if this is no address, or else `sub`
+    /// Name of the claim that has the name of a user. The server does not use a claim `email` that the provider has not verified. If
+    /// the claim is missing or not verified, the server takes the claim `preferred_username`, unless this claim could be the e-mail
+    /// address of another user. In all other cases, the server takes the claim `sub`
     #[arg(
         long = "oidc-user-claim",
         env = "ROOST_OIDC_USER_CLAIM",
@@ -58,7 +61,7 @@ pub(crate) struct SignInArgs {
         value_name = "CLAIM"
     )]
     user_claim: String,
-    /// Time after which a user signs in again, such as 30m or 12h
+    /// Time after which a user must sign in again, such as 30m or 12h
     #[arg(
         long = "oidc-session",
         env = "ROOST_OIDC_SESSION",

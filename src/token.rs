@@ -33,7 +33,8 @@ pub(crate) struct Args {
 enum Action {
     /// Create a token and print it once; Roost cannot show the token again
     Create {
-        /// Scope: admin (everything), submit (includes read), read, or worker; may be given several times
+        /// Scope (permission) of the token: admin (everything), submit (includes read), read, or worker; you can give this option
+        /// several times
         #[arg(long = "scope", required = true, value_name = "SCOPE")]
         scopes: Vec<Scope>,
         /// Name of the token in lists

@@ -38,14 +38,15 @@ pub struct Args {
     /// Parts of the report
     #[arg(value_enum, default_value = "all", value_name = "PART")]
     parts: Vec<Part>,
-    /// Simulate a slice of the hopper with large sub-particles, and few seeds. This takes under 10 minutes on two cores. This size is
-    /// the default
+    /// Simulate a slice (narrow part) of the hopper, with large sub-particles and few seeds. The simulations take under 10 minutes on
+    /// two processor cores. This option is the default
     #[arg(long, group = "size")]
     quick: bool,
-    /// Simulate the hopper at full width, and more seeds. This takes between half an hour and two hours, depending on the machine
+    /// Simulate the hopper at full width, with more seeds. The simulations take between half an hour and two hours, depending on the
+    /// machine
     #[arg(long, group = "size")]
     standard: bool,
-    /// Simulate with sub-particles as small as in the paper. This takes a night on two cores
+    /// Simulate with sub-particles as small as in the paper. The simulations take a night on two processor cores
     #[arg(long, group = "size")]
     full: bool,
     /// A profile by name

@@ -11,7 +11,7 @@ use tokio_util::sync::CancellationToken;
 use super::show;
 use crate::{target, watch};
 
-/// Follow a study to its end, and print its answer
+/// Show the progress of a study until its end, and print its answer
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a study

@@ -117,7 +117,7 @@ impl GpuTimer {
     }
 }
 
-/// Compare a graphics adapter (GPU) with the plain path, step by step
+/// Compare a graphics adapter (GPU) with the reference code of the solver (the plain path), step by step
 ///
 /// The plain path is the reference code of the solver on the CPU. The adapter and the plain path compute the same steps, starting
 /// from fillets at rest. Some adapters round the result of every operation. Their results have the same bits as the results of the

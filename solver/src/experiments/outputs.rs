@@ -166,8 +166,9 @@ pub(super) const KINETIC_ENERGY_END_J: Response =
 pub(super) const ESCAPED_KG: Response = number(
     "escaped_kg",
     "kg",
-    "Mass that left the simulated space. In a hopper, mass that passed the gate does not count. Examples are fragments (broken parts of \
-     fillets) and fillets that fell beside the equipment. If no body leaves on purpose, this mass is 0 in a correct simulation.",
+    "Mass that left the simulated space, for example fragments (broken parts of fillets), or fillets that fell beside the equipment. In a \
+     hopper, mass that passed the gate does not count. If no body should leave the simulated space, this mass is 0 in a correct \
+     simulation.",
 );
 pub(super) const PASSED_THROUGH: Response = number(
     "passed_through",

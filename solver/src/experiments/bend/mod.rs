@@ -38,7 +38,8 @@ const RESPONSES: &[Response] = &[
     number("largest_bend_angle_deg", "°",
         "Maximum bend angle, including swings of the fillet. If the fillet fell off or tore, only the time before this event counts."),
     boolean("fell_off",
-        "Whether the fillet fell off its support: the whole fillet was below the axis of the bar or of the roller."),
+        "Whether the fillet fell off its support: the whole fillet was below the axis of the bar, or below the axis of the roller at the \
+         conveyor's end."),
     boolean("torn",
         "Whether the fillet tore: no chain of bonds connects the two ends of the fillet, or a part of the fillet left the simulation."),
     BONDS_INTACT_FRACTION,

@@ -63,33 +63,33 @@ const RESPONSES: &[Response] = &[
         "Time at which 95 % of the filled mass was out. Null if less than 95 % came out.").headline(),
     number("time_to_99_percent_s", "s",
         "Time at which 99 % of the filled mass was out. Null if less than 99 % came out. This time depends on the last few fillets. \
-         Therefore it varies a lot between simulations with different random numbers."),
+         Therefore this time varies a lot between simulations with different random numbers."),
     number("loaded_kg", "kg", "Mass of all fillets that drop into the hopper before t = 0."),
     number("filled_kg", "kg", "Filled mass: the mass in the hopper at t = 0, when the belt starts."),
     number("fill_duration_s", "s",
         "Simulated time from the moment at which the fillets begin to drop until they are at rest in the hopper."),
     number("bulk_density_kg_m3", "kg/m³",
-        "Filled mass divided by the volume of the bed. The bed is all fillets in the hopper at t = 0. The volume of the bed is the floor \
-         area of the hopper times the bed height. On 95 % of the floor area, the bed is at most as high as the bed height. Soft fillets \
-         overlap, so the bulk density can be above the density of a fillet."),
+        "Filled mass divided by the volume of the bed. The bed consists of all fillets in the hopper at t = 0. The volume of the bed is \
+         the floor area of the hopper times the bed height. On 95 % of the floor area, the bed is at most as high as the bed height. Soft \
+         fillets overlap, so the bulk density can be above the density of a fillet."),
     number("interpenetrated_fraction", "",
         "Share of the sub-particles that lie inside another fillet when the belt starts. The lattice of a fillet consists of cubic cells \
          with a sub-particle at each corner. A sub-particle lies inside a fillet if its centre is in one of these cells."),
     number("peak_rate_kg_s", "kg/s",
-        "Maximum discharge rate, as a running mean over 1 s. The series `mass_rate` is a mean over only 0.25 s. Therefore the maximum of \
-         this series is higher."),
+        "Maximum of the running mean of the discharge rate over 1 s. The series `mass_rate` is a mean over only 0.25 s. Therefore the \
+         maximum of this series is higher."),
     number("rate_variation", "",
-        "Standard deviation of the discharge rate, divided by the mean of the discharge rate. Roost computes both from the running mean \
-         of the rate over 1 s, from t = 0.5 s until 80 % of the filled mass is out."),
+        "Standard deviation of the discharge rate, divided by the mean of the discharge rate. Roost computes the deviation and the mean \
+         from the running mean of the rate over 1 s, from t = 0.5 s until 80 % of the filled mass is out."),
     boolean("steady", "Whether the discharge rate is steady: `rate_variation` is below 0.2."),
     number("longest_stoppage_s", "s",
         "Longest time during which the discharge rate stays below 0.15 × `belt_capacity_kg_s`. This rate is a mean over 0.25 s. The time \
          after 80 % of the filled mass is out does not count."),
     number("belt_capacity_kg_s", "kg/s",
-        "Rate that the belt carries when the opening under the gate is full: `bulk_density_kg_m3` × `belt_speed_m_s` × `hopper_width_m` \
-         × `gate_opening_m`. If `parametric` is false, the rate is `bulk_density_kg_m3` × speed of the belt's surface × \
-         `opening_width_m` × `opening_height_m`. Null if the belt speed or the opening is unknown, or if the belt does not run out of the \
-         hopper."),
+        "Mass per second that the belt carries out when fillets fill the whole opening under the gate: `bulk_density_kg_m3` × \
+         `belt_speed_m_s` × `hopper_width_m` × `gate_opening_m`. If `parametric` is false, this mass per second is `bulk_density_kg_m3` × \
+         speed of the belt's surface × `opening_width_m` × `opening_height_m`. Null if the belt speed or the opening is unknown, or if \
+         the belt does not carry fillets out of the hopper."),
     number("lowest_rate_ratio", "",
         "The ratio q: the lowest discharge rate, divided by `belt_capacity_kg_s`. The lowest rate is the minimum of the running mean \
          over 1 s, from t = 0.5 s until 80 % of the filled mass is out."),
@@ -118,9 +118,9 @@ const RESPONSES: &[Response] = &[
     number("fillets_remaining", "",
         "Number of fillets in the hopper at the end. The centre of mass of these fillets has not passed the gate plane."),
     number("curl_angle_deg", "°",
-        "Mean bend angle of the fillets just after the gate: their centre of mass is at most 0.2 m past the gate plane. The mean covers \
-         all samples until 80 % of the filled mass is out. The bend angle is the angle between the directions of the two ends of a \
-         fillet. A flat fillet has 0°, and a fillet that is folded double has 180°."),
+        "Mean bend angle of the fillets whose centre of mass has passed the gate plane by at most 0.2 m. The mean covers all samples \
+         until 80 % of the filled mass is out. The bend angle is the angle between the directions of the two ends of a fillet. A flat \
+         fillet has 0°, and a fillet that is folded in half has 180°."),
     number("largest_curl_angle_deg", "°",
         "Maximum bend angle of a single fillet, among the fillets and samples that count for `curl_angle_deg`."),
     number("fed_kg", "kg",

@@ -54,8 +54,8 @@ const RESPONSES: &[Response] = &[
 const MASS: SeriesRow = series("mass", "kg", "Mass of all sub-particles that have not left the simulation.");
 #[rustfmt::skip]
 const POWER: SeriesRow = series("power", "W",
-    "Power of all belts and moving surfaces together, at the time of the sample: the work per second of these surfaces on the bodies. \
-     For a belt, the power is the friction force times the belt speed.");
+    "Power of all belts and moving surfaces together, at the time of the sample: the work per second that these surfaces do on the \
+     bodies. For a belt, the power is the friction force times the belt speed.");
 
 const OVER: (&str, &str) = ("body", "1");
 #[rustfmt::skip]

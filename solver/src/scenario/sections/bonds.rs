@@ -70,10 +70,10 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/bonds/disk_scale", "", 1.0, above_to(0.0, 2.0), "assumed",
         "Radius R_b of the circular cross-section of a bond, divided by the radius R of a sub-particle."),
     number("/bonds/moment_stiffness_factor", "", 0.0, from_to(0.0, 10.0), "assumed",
-        "Factor for the stiffness of a bond against bending and twisting. With the value 0, bonds resist neither bending nor twisting, \
-         as in the paper. With the value 1, the bending stiffness is S_n I, and the twisting stiffness is S_t J. The parallel bond of \
-         Potyondy and Cundall (2004) has the same stiffnesses. I and J are the second moments of area of the bond's cross-section: I for \
-         bending, J for twisting."),
+        "Factor for the stiffness of a bond against bending and twisting. With the value 0, bonds resist neither bending nor twisting, as \
+         in the paper. With the value 1, the bending stiffness is S_n I, and the twisting stiffness is S_t J. Here, I and J are the \
+         second moments of area of the bond's cross-section: I for bending, J for twisting. The parallel bond of Potyondy and Cundall \
+         (2004) has the same stiffnesses."),
     flag("/bonds/contact_between_bonded", true, "assumed",
         "True: two sub-particles that a bond joins also have a contact force between them, in addition to the force of the bond. The \
          commercial software of the paper's authors computes this contact force as well. False: only the bond acts between these two \

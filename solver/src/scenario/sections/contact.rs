@@ -56,16 +56,16 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "Surface of the fillets: dry or wet. The value `wet` changes two defaults: the surface energy between fillets, and the friction \
          on the belt. If you set one of these two fields yourself, Roost uses your value."),
     nullable("/contact/surface_energy_radius_m", "m", above_to(0.0, 0.05), "assumed",
-        "Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, Roost uses the energy γ R/R₀. \
-         The maximum pull per area of equipment is then 3πγ/(4 R₀). This pull does not depend on R, just as the pull of a liquid film \
-         does not depend on R. Null: Roost uses γ unchanged at every radius."),
+        "Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, Roost uses the energy γ R/R₀. On \
+         equipment, the maximum adhesion force per area is then 3πγ/(4 R₀). This force per area does not depend on R. The force per area \
+         of a liquid film does not depend on R either. Null: Roost uses γ unchanged at every radius."),
     number("/contact/fillet_fillet/static_friction", "", 0.1, FRICTION, "Table 2",
         "Coulomb coefficient of friction between fillets."),
     number("/contact/fillet_fillet/restitution", "", 1e-4, RESTITUTION, "Table 2",
         "Coefficient of restitution between fillets: rebound speed divided by impact speed."),
     number("/contact/fillet_fillet/surface_energy_j_m2", "J/m²", 0.055, SURFACE_ENERGY, "Table 2",
-        "Surface energy γ between fillets: half of the energy per area that separates two fillets. The default for wet fillets is the \
-         surface tension of water at 20 °C (assumed).")
+        "Surface energy γ between fillets: half of the energy per area that is necessary to separate two fillets. The default for wet \
+         fillets is the surface tension of water at 20 °C (assumed).")
         .wet(0.0728),
     number("/contact/fillet_fillet_radius_ratio", "", 1.0, RADIUS_RATIO, "assumed",
         "Radius of a sub-particle in contacts with other fillets, divided by `/product/subparticle_radius_m`. With the value 1, a \

@@ -68,7 +68,8 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/equipment/hopper_height_m", "m", 0.5, from_to(0.01, 10.0), "assumed",
         "Height of the hopper walls above the belt."),
     number("/equipment/wall_slope_deg", "°", 0.0, from_to(0.0, 80.0), "assumed",
-        "Angle between the back wall and the vertical. If the angle is above 0, the hopper widens upwards."),
+        "Angle between the vertical direction and the back wall (the wall at the end of the hopper opposite the gate). If the angle is \
+         above 0, the hopper widens upwards."),
     choice("/equipment/side_walls", &["rough", "frictionless", "periodic"], "section 2.4",
         "Kind of the two walls along the belt. `rough`: walls with the friction of the equipment. `frictionless`: walls without \
          friction, for a slice (narrow part) of a wide hopper. `periodic`: no walls. With `periodic`, a fillet that leaves on one side \

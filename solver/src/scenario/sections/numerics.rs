@@ -74,8 +74,9 @@ const TIME: Range = above_to(0.0, 600.0);
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     field("/numerics/timestep_s", FieldKind::NumberOrAuto(from_to(1e-9, 0.1)), "s", Preset::Number(5.75e-5), "Table 2",
-        "Time step of the simulation. Above the stability limit, the simulation can become unstable. `auto`: Roost computes a time step \
-         safely below this limit, from stiffness, mass, damping and the speed at the start."),
+        "Time step of the simulation. Above a certain time step, the stability limit, the simulation can become unstable (numerical \
+         errors grow without limit). `auto`: Roost computes a time step safely below this limit, from stiffness, mass, damping and the \
+         speed at the start."),
     number("/numerics/duration_s", "s", 6.0, TIME, "numerics",
         "Maximum simulated time after t = 0. At t = 0, the belt or the test starts.")
         .acts_from_start()
