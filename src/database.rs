@@ -14,9 +14,9 @@ use crate::copies;
 /// The option.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Database {
-    /// PostgreSQL database for the queue and the results. Without this option, they are in the data folder. Roost reads the password
-    /// of the database from the environment variable PGPASSWORD. If this variable is not set, Roost reads the password from the file
-    /// that PGPASSFILE names (by default ~/.pgpass)
+    /// PostgreSQL database for the queue and the results. Without this option, the queue and the results are in the data folder.
+    /// Roost reads the password of the database from the environment variable PGPASSWORD. If this variable is not set, Roost reads
+    /// the password from the file that PGPASSFILE names (by default ~/.pgpass)
     #[arg(
         long = "database",
         global = true,

@@ -18,7 +18,8 @@ pub(crate) struct DeviceArgs {
     #[arg(long)]
     allow_software: bool,
     /// Maximum memory that all jobs together use on the GPU, in MiB. Roost refuses a job that needs more memory than this maximum.
-    /// Without this option, the maximum is 4096 MiB, and a job that needs more memory is not refused: it runs alone
+    /// Without this option, the maximum is 4096 MiB. In this case, Roost does not refuse a job that needs more memory, but runs
+    /// this job alone
     #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
     gpu_memory: Option<u32>,
 }

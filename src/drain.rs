@@ -9,7 +9,7 @@ use crate::target;
 /// Ask a worker to finish its running jobs, claim no new jobs, and exit
 ///
 /// `roost list --workers` shows the ids of all workers. The worker receives the request with its next heartbeat, which is a message
-/// that it sends every 2 s by default.
+/// that the worker sends to the server every 2 s by default.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of the worker

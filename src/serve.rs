@@ -61,7 +61,8 @@ pub(crate) struct ServerArgs {
     /// Maximum number of jobs of a sweep
     #[arg(long, default_value_t = ServerConfig::default().max_jobs_per_sweep, value_name = "N")]
     max_jobs: u64,
-    /// Maximum size, in bytes, of the data that a client sends with one request
+    /// Maximum size, in bytes, of the data that a client sends with one request. Results, STL files, frames, checkpoints and filled
+    /// states have other limits
     #[arg(long, default_value_t = ServerConfig::default().max_body_bytes, value_name = "BYTES")]
     max_body_bytes: usize,
     /// Maximum size of the frames of one job. When the frames reach this size, the job continues, but records no more frames
@@ -83,8 +84,8 @@ pub(crate) struct ServerArgs {
     /// The server deletes a filled state that no job has used for this time, such as 12h or 30d
     #[arg(long, default_value = "30d", value_name = "AGE", value_parser = crate::prune::age)]
     fills_max_age: Duration,
-    /// Maximum number of requests per second for each access token. All clients without a token together have the same limit. 0 means
-    /// no limit
+    /// Maximum number of requests per second for each access token. If the server needs no tokens, this number is the maximum for
+    /// all clients together. 0 means no limit
     #[arg(long, default_value_t = 0, value_name = "N")]
     max_requests_per_s: u32,
     /// Maximum number of open connections. At this number, the server closes an idle connection when a new client connects. Each
@@ -92,8 +93,8 @@ pub(crate) struct ServerArgs {
     /// few open files for this number, the server uses a smaller number
     #[arg(long, default_value_t = ServerConfig::default().max_connections, value_name = "N", value_parser = connections)]
     max_connections: usize,
-    /// The server deletes a sweep or a single job when this time has passed since its end, such as 30d. Without this option, the
-    /// server never deletes sweeps or jobs by itself
+    /// Time after the end of a sweep or of a single job, such as 30d. When this time has passed, the server deletes the sweep or
+    /// the job. Without this option, the server never deletes sweeps or jobs by itself
     #[arg(long, value_name = "AGE", value_parser = crate::prune::age)]
     prune_after: Option<Duration>,
     /// Number of attempts of a job that may fail because of a fault of the worker. After this number of such attempts, the job fails.

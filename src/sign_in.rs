@@ -29,10 +29,10 @@ pub(crate) struct SignInArgs {
     /// `/dashboard/sign-in/callback` of this address
     #[arg(long = "oidc-redirect", env = "ROOST_OIDC_REDIRECT", hide_env_values = true, value_name = "URL")]
     redirect: Option<String>,
-    /// Rule that states which users may sign in: the users of this group of the provider get this scope in this project. The group `*`
-    /// has every user of the provider. For several rules, repeat the option, or write each rule on its own line of the environment
-    /// variable. The first rule that fits a user selects the project of the user. The user gets the scopes of all rules that fit the
-    /// user and have this project
+    /// Rule that states which users may sign in: the users of the group GROUP of the provider get the scope SCOPE in the project
+    /// PROJECT. The group `*` has every user of the provider. For several rules, repeat the option, or write each rule on its own
+    /// line of the environment variable. The first rule that fits a user selects the project of the user. The user gets the scopes
+    /// of all rules that fit the user and name this project
     #[arg(
         long = "oidc-allow",
         env = "ROOST_OIDC_ALLOW",
@@ -50,9 +50,10 @@ pub(crate) struct SignInArgs {
         value_name = "CLAIM"
     )]
     groups_claim: String,
-    /// Name of the claim that has the name of a user. The server does not use a claim `email` that the provider has not verified. If
-    /// the claim is missing or not verified, the server takes the claim `preferred_username`, unless this claim could be the e-mail
-    /// address of another user. In all other cases, the server takes the claim `sub`
+    /// Name of the claim that has the name of a user. The claim `email` counts as missing if the provider has not verified the
+    /// address. If the claim is missing, the server takes the claim `preferred_username`. With the value `email`, the server does
+    /// not take a `preferred_username` that contains `@`, unless this name is the verified address of the user. If the server finds
+    /// no name in these claims, it takes the claim `sub`
     #[arg(
         long = "oidc-user-claim",
         env = "ROOST_OIDC_USER_CLAIM",

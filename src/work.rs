@@ -49,8 +49,8 @@ pub(crate) struct WorkerArgs {
     /// maximum is 16 jobs
     #[arg(long, default_value = "auto", value_name = "N", value_parser = slots)]
     slots: Slots,
-    /// Time that running jobs may continue after a signal (SIGTERM or Ctrl-C), before they return to the queue. A service manager such
-    /// as systemd kills the worker when a certain time has passed since the signal. The value of --grace must be at least 10 s less
+    /// Time that running jobs may continue after a signal (SIGTERM or Ctrl-C), before they return to the queue. A service manager
+    /// such as systemd kills the worker when a certain time has passed since the signal. Choose a value that is at least 10 s less
     /// than this time
     #[arg(long, default_value_t = 0, value_name = "SECONDS")]
     grace: u64,

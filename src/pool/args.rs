@@ -21,11 +21,12 @@ const MIN_TIME_LIMIT: Duration = Duration::from_secs(180);
 /// Submit workers to Slurm while queued jobs need more workers
 ///
 /// This command is the pool. It runs in the foreground on a machine that has the program `sbatch` of Slurm; the server may be on
-/// another machine. An allocation is a batch job of Slurm that runs `roost work`. An allocation ends when its workers have had no job
-/// of the queue for the time --idle-timeout. A minute before the time limit of an allocation, its workers store checkpoints and hand
-/// their jobs back. The workers do the same if somebody cancels the allocation with the command scancel, or if Slurm stops the
-/// allocation for a more important job. Ctrl-C or SIGTERM ends the pool, but its allocations continue. If you start the pool again with
-/// the same command, the pool finds these allocations and uses them. The access token needs the scopes `read` and `worker`.
+/// another machine. An allocation is a batch job of Slurm that runs `roost work`. An allocation ends when all its workers have
+/// ended. A worker ends when it has had no job of the queue for the time --idle-timeout. A minute before the time limit of an
+/// allocation, its workers store checkpoints and hand their jobs back. The workers do the same if somebody cancels the allocation
+/// with the command scancel, or if Slurm stops the allocation for a more important job. Ctrl-C or SIGTERM ends the pool, but its
+/// allocations continue. If you start the pool again with the same command, the pool finds these allocations and uses them. The
+/// access token needs the scopes `read` and `worker`.
 #[derive(Debug, clap::Args)]
 pub(super) struct SlurmArgs {
     #[command(flatten)]
@@ -52,14 +53,15 @@ pub(super) struct SlurmArgs {
     /// Maximum number of jobs that each worker runs at the same time: `auto`, or a number from 1 to 1024, as for `roost work`
     #[arg(long, default_value = "auto", value_name = "N", value_parser = slots)]
     pub(super) slots: Slots,
-    /// Time that running jobs may continue after the signal of Slurm, before the worker hands the jobs back. The value of --grace must
-    /// be at least 10 s less than the setting KillWait of Slurm
+    /// Time that running jobs may continue after the signal of Slurm, before the worker hands the jobs back. Choose a value that is
+    /// at least 10 s less than the setting KillWait of Slurm
     #[arg(long, default_value_t = 10, value_name = "SECONDS", value_parser = grace)]
     pub(super) grace: u64,
     /// Time between two checks of the server's queue and of Slurm's queue
     #[arg(long, default_value = "10s", value_name = "TIME", value_parser = time)]
     pub(super) interval: Duration,
-    /// After 3 failures in a row, the pool pauses for this time. After each further failure, the pause is twice as long, up to 1h
+    /// A failure means that Slurm refuses an allocation, or that an allocation fails. After 3 failures in a row, the pool pauses
+    /// for this time. After each further failure, the pause is twice as long, up to 1h
     #[arg(long, default_value = "1m", value_name = "TIME", value_parser = time)]
     pub(super) retry_pause: Duration,
     /// Folder for the pool's records, its logs, and the results that the server has not yet received. All compute nodes must have

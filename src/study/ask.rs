@@ -17,8 +17,8 @@ use crate::target;
 
 /// Ask a study for its next runs, so that your own program can compute them
 ///
-/// The command prints the number of each run, its values of the factors, and its seed. Give the outcomes of these runs to the study
-/// with `roost study tell`. The study waits for these outcomes for at most a day.
+/// For each run, the command prints the number of the run, the values of the factors, and the seed. Give the outcomes of these runs
+/// to the study with `roost study tell`. The study waits for these outcomes for at most a day.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Ask {
     /// Id of a study

@@ -26,8 +26,8 @@ pub(super) const LOADS: [SeriesRow; 6] = [
     series("force_<name>_z", "N", "Force of the bodies on this surface, along z, at the time of the sample."),
     series("torque_<name>_x", "N·m",
         "Torque of the bodies on this surface about an axis along x, at the time of the sample. If the field `motion` of the surface is \
-         `moving`, and the surface turns, the axis passes through the pivot (the point about which the surface turns). In all other \
-         cases, the axis passes through the origin of the coordinates."),
+         `moving` and the surface turns, this axis passes through the pivot (the point about which the surface turns). In all other cases, \
+         the axis passes through the origin of the coordinates."),
     series("torque_<name>_y", "N·m",
         "Torque of the bodies on this surface about an axis along y. This axis passes through the same point as the axis of \
          `torque_<name>_x`."),

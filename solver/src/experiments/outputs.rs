@@ -153,7 +153,8 @@ impl CurveRow {
 pub(super) const BONDS_INTACT_FRACTION: Response = number(
     "bonds_intact_fraction",
     "",
-    "Share of unbroken bonds among all bonds. A bond that was unbroken when its sub-particle left the simulated space counts as unbroken until the end.",
+    "Share of unbroken bonds among all bonds. A bond that was unbroken when one of its sub-particles left the simulation counts as \
+     unbroken until the end.",
 );
 pub(super) const MAX_OVERLAP_RATIO: Response = number(
     "max_overlap_ratio",
@@ -166,9 +167,9 @@ pub(super) const KINETIC_ENERGY_END_J: Response =
 pub(super) const ESCAPED_KG: Response = number(
     "escaped_kg",
     "kg",
-    "Mass that left the simulated space, for example fragments (broken parts of fillets), or fillets that fell beside the equipment. In a \
-     hopper, mass that passed the gate does not count. If no body should leave the simulated space, this mass is 0 in a correct \
-     simulation.",
+    "Mass that left the simulated space (a box around all bodies and surfaces), for example fragments (broken parts of fillets), or \
+     fillets that fell beside the equipment. In a hopper, mass that passed the gate does not count. If no body should leave the simulated \
+     space, this mass is 0 in a correct simulation.",
 );
 pub(super) const PASSED_THROUGH: Response = number(
     "passed_through",

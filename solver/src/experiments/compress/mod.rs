@@ -39,8 +39,9 @@ const RESPONSES: &[Response] = &[
          from `modulus_from_strain` to `modulus_to_strain`. The strain comes from the distance between the plates. Null if fewer than \
          three samples are in this strain range.").headline(),
     number("modulus_lattice_pa", "Pa",
-        "Elastic modulus as in `modulus_pa`, but with another strain, which comes from the distance between the centres of the lowest and \
-         the highest layer of the block. In a laboratory, an extensometer measures this strain. Null for a block of one layer.").headline(),
+        "Elastic modulus as in `modulus_pa`, but with another strain. This strain comes from the distance between the centres of the \
+         lowest and the highest layer of the block. In a laboratory, an extensometer measures such a strain. Null for a block of one \
+         layer.").headline(),
     number("stress_at_end_pa", "Pa", "Stress at the end of the simulation."),
     number("largest_strain", "",
         "Strain at the end of the simulation. The strain comes from the distance between the plates."),

@@ -38,10 +38,10 @@ const USUAL_SHARE: f64 = 0.6;
 const RESPONSES: &[Response] = &[
     word("regime",
         "Kind of discharge, from the ratio q (the response `lowest_rate_ratio`). `no_flow`: q is below 0.15, and less than 95 % of the \
-         filled mass is out. `inconsistent` (uneven): q is below 0.55 in all other cases. `constant`: q is 0.55 or more. `outrun`: the \
-         belt at its capacity would empty the hopper within 0.5 s, so q has no meaning. `too_short`: less than 4 s were simulated after \
-         t = 0, less than 80 % of the filled mass is out, and the simulation did not end with an empty or jammed hopper. Null if the belt \
-         capacity is null or 0.").headline(),
+         filled mass is out. `inconsistent` (uneven): q is below 0.55, and the regime is not `no_flow`. `constant`: q is 0.55 or more. \
+         `outrun`: the belt at its capacity would empty the hopper within 0.5 s, so q has no meaning. `too_short`: less than 4 s were \
+         simulated after t = 0, less than 80 % of the filled mass is out, and the simulation did not end with an empty or jammed hopper. \
+         Null if the belt capacity is null or 0.").headline(),
     number("effective_throughput_kg_s", "kg/s",
         "95 % of the filled mass, divided by the time at which this mass was out. Null if less than 95 % of the filled mass came out. \
          The paper gives a throughput of 7.6 kg/s, but no definition. The definition of this response is therefore an assumption.").headline(),
@@ -50,8 +50,9 @@ const RESPONSES: &[Response] = &[
          fillets spill out when the shutter opens.").headline(),
     indicator("jammed",
         "Whether the hopper jammed. In a jam, nothing passes the gate for the jam time, while at least 5 % of the filled mass is inside. \
-         The jam time is `jam_after_s`, or `when_jammed_s` if this field has a shorter time. A jam counts even if the flow starts again \
-         later. Null if the simulation was shorter than the jam time, and at least 5 % of the filled mass was inside at the end.").headline(),
+         The jam time is the shorter one of the times `jam_after_s` and `when_jammed_s`. If `when_jammed_s` is null, the jam time is \
+         `jam_after_s`. A jam counts even if the flow starts again later. Null if the simulation was shorter than the jam time, and at \
+         least 5 % of the filled mass was inside at the end.").headline(),
     number("time_to_jam_s", "s",
         "Time at which the last mass passed the gate plane before the first jam. The time is 0 if nothing passed before the jam. Null if \
          the hopper did not jam. A mean over several simulations therefore covers only the simulations with a jam."),
@@ -77,7 +78,7 @@ const RESPONSES: &[Response] = &[
          with a sub-particle at each corner. A sub-particle lies inside a fillet if its centre is in one of these cells."),
     number("peak_rate_kg_s", "kg/s",
         "Maximum of the running mean of the discharge rate over 1 s. The series `mass_rate` is a mean over only 0.25 s. Therefore the \
-         maximum of this series is higher."),
+         maximum of this series is higher than `peak_rate_kg_s`."),
     number("rate_variation", "",
         "Standard deviation of the discharge rate, divided by the mean of the discharge rate. Roost computes the deviation and the mean \
          from the running mean of the rate over 1 s, from t = 0.5 s until 80 % of the filled mass is out."),

@@ -39,12 +39,16 @@ const fn kind(code: &'static str, when: &'static str, action: &'static str) -> W
 
 const UNSTABLE_TIMESTEP: WarningKind = kind(
     "unstable_timestep",
-    "`/numerics/timestep_s` is above the stability limit. Roost takes into account that damping lowers this limit.",
+    "The time step `/numerics/timestep_s` is above the stability limit. Above this limit, numerical errors can grow without limit, and the \
+     simulation can become unstable. The damping (loss of energy) in contacts makes the limit lower than without damping. Roost takes this \
+     effect into account.",
     "Set /numerics/timestep_s to \"auto\", or to a time step below the stability limit.",
 );
 const WHOLE_SPHERES: WarningKind = kind(
     "whole_spheres",
-    "`/product/fill` is `whole_spheres`. A simulated body is then up to 2R thinner than its shape in the scenario.",
+    "The field `/product/fill` is `whole_spheres`: each sub-particle lies completely inside the shape of the body. A gap then remains \
+     between the sub-particles and the surface of the shape. Therefore the simulated body is up to 2R thinner than the shape in the \
+     scenario.",
     "Set /product/fill to \"centres\", or choose a smaller /product/subparticle_radius_m.",
 );
 const THIN_FILLET: WarningKind = kind(
@@ -54,75 +58,86 @@ const THIN_FILLET: WarningKind = kind(
 );
 const SOFT_TISSUE: WarningKind = kind(
     "soft_tissue",
-    "The weight above a sub-particle at the floor compresses this sub-particle by half of R or more, according to Hertz' law. Bodies may \
-     sink through the floor.",
-    "Check the unit of /material/youngs_modulus_pa, or raise the modulus.",
+    "The tissue is too soft for its own weight. Roost estimates how deep the weight of the bodies presses a sub-particle into the floor. \
+     The estimate uses Hertz's formula for an elastic sphere on a rigid plane. If this depth is more than half of R, bodies may sink \
+     through the floor.",
+    "Check that the value of /material/youngs_modulus_pa is in pascals (Pa). If the value is correct, bodies may sink through the floor: \
+     simulate with a higher modulus.",
 );
 const SLOW_BELT: WarningKind = kind(
     "slow_belt",
-    "The jam time is `/numerics/jam_after_s`, or `/numerics/stop/when_jammed_s` if this field has a shorter time. In the jam time, the \
-     belt moves by less than three diameters of a sub-particle. Steady flow may then count as a jam.",
+    "During the jam time, the belt moves by less than three diameters of a sub-particle. Steady flow may then count as a jam. The jam time \
+     is the shorter one of the times `/numerics/jam_after_s` and `/numerics/stop/when_jammed_s`. If `/numerics/stop/when_jammed_s` is \
+     null, the jam time is `/numerics/jam_after_s`.",
     "Raise /numerics/jam_after_s. If /numerics/stop/when_jammed_s is shorter than /numerics/jam_after_s, also raise \
      /numerics/stop/when_jammed_s.",
 );
 const ESCAPED_MASS: WarningKind = kind(
     "escaped_mass",
-    "`escaped_kg` is above 0: mass left the simulated space.",
-    "In the frames (the stored positions of the sub-particles), look for gaps between surfaces, tissue that sinks through surfaces, and \
-     fragments. In a scene, bodies may leave on purpose.",
+    "The response `escaped_kg` is above 0: mass left the simulated space (a box around all bodies and surfaces). In a hopper, mass that \
+     passed the gate does not count.",
+    "In the frames (the stored positions of the sub-particles), look for gaps between surfaces, for tissue that sinks through surfaces, \
+     and for fragments (broken parts of fillets). In a scene, you may want bodies to leave the simulated space. You can then ignore the \
+     warning.",
 );
 const PASSED_THROUGH: WarningKind = kind(
     "passed_through",
-    "`passed_through` is above 0: sub-particles went through a surface.",
+    "The response `passed_through` is above 0: sub-particles went through a surface.",
     "Reduce the speed of the impact, raise /material/youngs_modulus_pa, or make the surface larger than the bodies that hit the surface.",
 );
 const BROKEN_BONDS: WarningKind = kind(
     "broken_bonds",
-    "`bonds_intact_fraction` is below 0.95: more than 5 % of the bonds broke.",
+    "The response `bonds_intact_fraction` is below 0.95: more than 5 % of the bonds broke.",
     "Reduce /numerics/timestep_s or the speed of impacts. You can also set /bonds/formulation to \"finite_extension\". Fillets then tear \
-     less easily.",
+     less easily than with the default value.",
 );
 const DEEP_OVERLAP: WarningKind = kind(
     "deep_overlap",
-    "`max_overlap_ratio` is above 1: the centres of two sub-particles without a bond were closer than R.",
-    "If this overlap occurs while a hopper fills, do nothing. In all other cases, raise /material/youngs_modulus_pa, or reduce \
-     /numerics/timestep_s or the speed of impacts.",
+    "The response `max_overlap_ratio` is above 1: the distance between the centres of two sub-particles was less than R, although no bond \
+     joins these two sub-particles.",
+    "If this overlap occurs only while a hopper fills, you can ignore the warning. In all other cases, raise /material/youngs_modulus_pa, \
+     or reduce /numerics/timestep_s or the speed of impacts.",
 );
 const DENSE_BED: WarningKind = kind(
     "dense_bed",
-    "`bulk_density_kg_m3` is above the density of a fillet: the fillets overlap.",
-    "Masses and rates are too high. To estimate by how much, divide the bulk density by the density of a fillet. To reduce the overlap, \
-     raise /material/youngs_modulus_pa.",
+    "The response `bulk_density_kg_m3` is above the density of a fillet: the fillets overlap.",
+    "Expect that the masses and rates of this result are too high. The estimated factor of this error is the bulk density divided by the \
+     density of a fillet. To reduce the overlap, raise /material/youngs_modulus_pa, and simulate again.",
 );
 const INTERPENETRATION: WarningKind = kind(
     "interpenetration",
-    "`interpenetrated_fraction` is above 0.02: sub-particles lie inside other fillets.",
-    "Set /contact/fillet_fillet_radius_ratio to 1.225, and simulate again. Sub-particles are then too large to slip into another fillet. \
-     Compare the new results with the results that have this warning.",
+    "The response `interpenetrated_fraction` is above 0.02: sub-particles lie inside other fillets.",
+    "Set /contact/fillet_fillet_radius_ratio to 1.225, and simulate again. With this value, the sub-particles of a fillet are too large to \
+     enter the gaps between the sub-particles of another fillet. Compare the new result with the result that has this warning.",
 );
 /// A test whose measured event never happened.
 pub(super) const TEST_NEVER_BEGAN: WarningKind = kind(
     "test_never_began",
     "The event that the test measures did not happen. For example, the body did not come to rest before t = 0, did not touch a surface, \
-     did not slide, or did not hang.",
-    "The responses are null or say nothing about the material. Change the duration of the test, or its range, such as \
-     /slide/max_tilt_deg.",
+     did not slide, or did not hang on its support.",
+    "The responses are null, or they give no information about the material. Change the duration or the range of the test (for example, \
+     /slide/max_tilt_deg), and simulate again.",
 );
 
 /// A hopper whose regime has no reference.
 pub(super) const NO_REGIME: WarningKind = kind(
     "no_regime",
-    "The capacity of the belt is unknown, or the belt stands still. The response `regime` is then null.",
-    "If /equipment/parametric is false, set /equipment/opening_width_m and /equipment/opening_height_m. Also add a surface with \
-     the motion \"belt\" that passes the gate plane x = 0. All belts that pass this plane must have the same speed.",
+    "The response `regime` is null, because Roost cannot compute the belt capacity, or because the belt does not carry fillets out of the \
+     hopper. The belt capacity is the mass per second that the belt carries out when fillets fill the whole opening under the gate.",
+    "If /equipment/parametric is true, set /equipment/belt_speed_m_s to a value above 0. If /equipment/parametric is false, set \
+     /equipment/opening_width_m and /equipment/opening_height_m. The list /equipment/surfaces must then also have a belt (a surface with \
+     the motion \"belt\") that extends through the gate plane x = 0. All belts through this plane must have the same speed, and this speed \
+     along x must be above 0.",
 );
 
 /// A feed that did not bring its mass.
 pub(super) const FEED_SHORT: WarningKind = kind(
     "feed_short",
-    "The feed brought less mass (`fed_kg`) than `feed_kg_s` demands, because fillets found no free place over the hopper. The missing \
-     mass is more than 1 % of the demanded mass, and more than the mass of one fillet.",
-    "Reduce /equipment/feed_kg_s or /numerics/output_interval_s, or make the belt carry more mass per second.",
+    "The feed brought in less mass (`fed_kg`) than the planned mass, because some fillets found no free place above the hopper. The \
+     planned mass is `feed_kg_s` times the time since t = 0. The difference between the two masses is more than 1 % of the planned mass, \
+     and more than the mass of one fillet.",
+    "Reduce /equipment/feed_kg_s, or make the belt carry out more mass per second, for example with a higher belt speed. You can also \
+     reduce /numerics/output_interval_s: Roost then tries more often to find a free place for the next fillet.",
 );
 
 /// All kinds, in the order of the table.

@@ -79,7 +79,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
          commercial software of the paper's authors computes this contact force as well. False: only the bond acts between these two \
          sub-particles."),
     nullable("/bonds/normal_strength_pa", "Pa", STRENGTH, "Table 2 has 1e300",
-        "Stress along a bond at which the bond breaks. Null: this stress has no limit."),
+        "Stress along a bond at which the bond breaks. Null: no stress along the bond breaks the bond."),
     nullable("/bonds/shear_strength_pa", "Pa", STRENGTH, "Table 2 has 1e300",
-        "Shear stress at which a bond breaks. Null: this stress has no limit."),
+        "Shear stress at which a bond breaks. Null: no shear stress breaks the bond."),
 ];

@@ -69,8 +69,8 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         .wet(0.0728),
     number("/contact/fillet_fillet_radius_ratio", "", 1.0, RADIUS_RATIO, "assumed",
         "Radius of a sub-particle in contacts with other fillets, divided by `/product/subparticle_radius_m`. With the value 1, a \
-         sub-particle of one fillet can slip between the sub-particles of another fillet. With the value 1.225, a sub-particle is too \
-         large to slip into another fillet.")
+         sub-particle of one fillet can enter a gap between the sub-particles of another fillet. With the value 1.225, a sub-particle is \
+         too large to enter these gaps.")
         .by_name(),
     number("/contact/fillet_equipment/static_friction", "", 0.5, FRICTION, "Table 2",
         "Coulomb coefficient of friction on walls, gates and plates. Dry and wet fillets have the same coefficient (Fig. 8b)."),

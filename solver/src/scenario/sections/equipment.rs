@@ -66,7 +66,9 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/equipment/hopper_length_m", "m", 0.30, from_to(0.01, 10.0), "derived",
         "Inner length of the hopper along the belt (along x), measured at the height of the belt."),
     number("/equipment/hopper_height_m", "m", 0.5, from_to(0.01, 10.0), "assumed",
-        "Height of the hopper walls above the belt."),
+        "Height of the hopper walls above the belt. If `parametric` is true, this height is a minimum. Roost makes the walls higher if \
+         necessary: the walls end at least 0.1 m above the start positions of all fillets. Therefore fillets do not fall beside the \
+         hopper."),
     number("/equipment/wall_slope_deg", "°", 0.0, from_to(0.0, 80.0), "assumed",
         "Angle between the vertical direction and the back wall (the wall at the end of the hopper opposite the gate). If the angle is \
          above 0, the hopper widens upwards."),
@@ -87,8 +89,8 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "True: Roost makes the belt, the walls, the gate and the shutter from the fields of this table. False: the hopper consists only \
          of the items of `surfaces`."),
     flag("/equipment/surface_loads", false, "numerics",
-        "Whether the result has series of the force and the torque on each surface. A result with these series is ten times as large as \
-         a result without these series."),
+        "Whether the result has series of the force and the torque on each surface. Each surface adds six series to the result. Therefore \
+         the size of the result grows with the number of surfaces."),
     nullable("/equipment/opening_width_m", "m", from_to(0.001, 10.0), "assumed",
         "Inner width of the opening under the gate, if `parametric` is false. If this field is then null, Roost computes neither the belt \
          capacity nor `regime`. If `parametric` is true, this field must be null.")

@@ -115,5 +115,6 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/numerics/speed_limit_m_s", "m/s", 30.0, from_to(1.0, 10_000.0), "numerics",
         "Maximum speed of a sub-particle. If a sub-particle is faster, the simulation ends with the end reason `unstable`."),
     flag("/numerics/allow_unstable", false, "numerics",
-        "Whether Roost accepts a time step above the stability limit. Use the value true only to study the stability."),
+        "Whether Roost accepts a time step above the stability limit. For this check, Roost computes the limit without damping. Use the \
+         value true only to study the stability."),
 ];

@@ -107,12 +107,12 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "Motion of the surface from t = 0 on. `fixed`: no motion. `belt`: the surface stays in its place, but its material runs like a \
          belt. `moving`: the whole surface moves and turns."),
     vector("/scene/surfaces/*/velocity_m_s", "m/s", ORIGIN, SPEED, "assumed",
-        "For the motion `belt`: velocity of the belt's material. For the motion `moving`: velocity of the pivot."),
+        "For the motion `belt`: velocity of the belt's material. For the motion `moving`: velocity of the pivot, which is the point about \
+         which the surface turns."),
     vector("/scene/surfaces/*/spin_deg_s", "°/s", ORIGIN, from_to(-36_000.0, 36_000.0), "assumed",
         "For the motion `moving`: angular velocity of the surface about the pivot, as a vector."),
     vector("/scene/surfaces/*/pivot_m", "m", ORIGIN, PLACE, "assumed",
-        "For the motion `moving`: the pivot is the point about which the surface turns. This field is the position of the pivot at t = \
-         0."),
+        "For the motion `moving`: position of the pivot at t = 0. The pivot is the point about which the surface turns."),
     choice("/scene/surfaces/*/presence", &["always", "until_start"], "assumed",
         "Time during which the surface exists. `always`: during the whole simulation. `until_start`: only before t = 0, like a shutter."),
 ];
