@@ -124,7 +124,11 @@ impl Row {
     pub(crate) fn replicates(self, replicates: &Replicates) -> Self {
         let (reached, planned) = (replicates.values.len(), replicates.planned);
         let row = Self { is_partial: reached < planned, ..self.values(&replicates.values) };
-        if row.is_partial { row.note(format!("{reached} of {planned} runs reached it")) } else { row }
+        if row.is_partial {
+            row.note(format!("only {reached} of {planned} simulations have a value"))
+        } else {
+            row
+        }
     }
 
     /// Sets a difference or a ratio of means over n simulations.
@@ -208,7 +212,7 @@ mod tests {
         let replicates = |planned| Replicates { values: vec![1.0, 2.0], planned };
         assert_eq!(row().replicates(&replicates(2)).note, "");
         let row = row().replicates(&replicates(3)).note("and more");
-        assert_eq!((row.n, &*row.note), (2, "2 of 3 runs reached it; and more"));
+        assert_eq!((row.n, &*row.note), (2, "only 2 of 3 simulations have a value; and more"));
         assert_eq!(row.demand(Demand::AtMost(9.0)).holds, Some(false), "two of three replicates");
     }
 

@@ -111,7 +111,9 @@ fn steps(lines: &[Vec<Option<BendAngle>>]) -> Steps {
 /// A note on the remaining swing.
 fn swing_note(results: &Results<'_>, name: &str) -> String {
     let swing = results.response(name, "bend_swing_deg").range();
-    swing.map_or_else(String::new, |(_, maximum)| format!("remaining swing up to ± {}°", rounded(maximum, 1)))
+    swing.map_or_else(String::new, |(_, maximum)| {
+        format!("the remaining swing is at most ± {}°", rounded(maximum, 1))
+    })
 }
 
 fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
@@ -126,8 +128,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .paper("none")
             .value((steps.total > 0).then_some(steps.rises as f64), steps.total);
         row.demand(Demand::AtMost(0.0)).note(format!(
-            "of {} steps between neighbouring pairs of the grid at which all bonds stay intact; a rise counts only if it exceeds the \
-             sum of the remaining swings at both pairs. The maximum rise in a step, counted or not, is {}°",
+            "the grid has {} such steps between pairs at which all bonds stay intact; a rise counts only if it exceeds the sum of the \
+             remaining swings of the two pairs; the maximum rise in a step, counted or not, is {}°",
             steps.total,
             rounded(steps.maximum_rise_deg, 1)
         ))
@@ -140,8 +142,9 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         with_angle(Row::new(NAME, "bend angle of a fillet of size 2 over a bar, Table 2", "°").paper("> 120"), "Table 2")
             .demand(Demand::Above(120.0))
             .note(format!(
-                "angle between the ends of the centre line, over a bar of 20 mm radius; fillets are turned by up to {SCATTER_DEG}°. \
-                 With R = {} mm, a fillet of size 2 is {} mm long; in Table 1, the length is 172 mm",
+                "angle between the directions of the two ends of the centre line; the radius of the bar is 20 mm; the yaw is between \
+                 −{SCATTER_DEG}° and {SCATTER_DEG}°; with R = {} mm, a fillet of size 2 is {} mm long, but in Table 1 of the paper, \
+                 the length is 172 mm",
                 significant(profile.radius_m * 1e3),
                 rounded(length * 1e3, 0)
             )),
@@ -168,7 +171,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         Row::new(NAME, "number of pairs of stiffnesses at which all bonds stay intact", "")
             .value(Some(intact as f64), grid.len() * grid.len())
             .note(format!(
-                "of a grid of {} pairs from {:e} to {:e} N/m³",
+                "the grid has {} pairs; S_n and S_t are from {:e} to {:e} N/m³",
                 grid.len() * grid.len(),
                 grid[0],
                 grid[grid.len() - 1]
@@ -179,7 +182,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         falls("number of steps to a larger S_t at which the bend angle rises", &of_shear),
         Row::new(NAME, "maximum bend angle of a fillet that leaves a conveyor, Table 2", "°")
             .single(results.first_response("off a ledge", "largest_bend_angle_deg"))
-            .note("the paper compares Fig. 4c and Fig. 4d by eye"),
+            .note("the paper gives no angle for this case; it compares the pictures in Fig. 4c and Fig. 4d by eye"),
     ]);
     let findings = bar_finding(profile, results).into_iter().collect();
     Evaluation { rows, illustrations: illustrations(profile, results), findings }
@@ -194,7 +197,7 @@ fn bar_finding(profile: &Profile, results: &Results<'_>) -> Option<String> {
         .filter_map(|radius| Some((angle(&bar_name(*radius))?, radius)))
         .map(|(angle, radius)| {
             format!(
-                "The angle is {}° over a bar of {} mm radius.",
+                "With the same R, the angle is {}° over a bar of {} mm radius.",
                 rounded(angle, 0),
                 significant(radius * 1e3)
             )
@@ -202,14 +205,15 @@ fn bar_finding(profile: &Profile, results: &Results<'_>) -> Option<String> {
         .collect();
     others.extend(angle("coarse").map(|angle| {
         format!(
-            "The angle is {}° over a bar of 20 mm radius with R = {} mm. A fillet of larger spheres has fewer layers of spheres.",
+            "Over the bar of 20 mm radius, the angle is {}° with R = {} mm. A fillet of larger spheres has fewer layers of spheres, \
+             and fewer layers resist bending less.",
             rounded(angle, 0),
             significant(COARSE * profile.radius_m * 1e3)
         )
     }));
     Some(format!(
-        "Over a bar of 20 mm radius, a fillet of size 2 with R = {} mm bends by {}°, less than 120°. The paper does not specify its \
-         bar. The angle depends on the radius of the bar and on R. {}",
+        "Over a bar of 20 mm radius, a fillet of size 2 with R = {} mm has a mean bend angle of {}°. In the paper, the bend angle is \
+         more than 120°. The paper does not give the radius of its bar. The bend angle depends on this radius and on R. {}",
         significant(profile.radius_m * 1e3),
         rounded(mean, 0),
         others.join(" ")

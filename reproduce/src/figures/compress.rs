@@ -136,7 +136,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .paper(PAPERS_PA / 1e3);
         rows.push(
             row.single(to_kpa(plates_pa(name)))
-                .note("slope of stress over the strain between the plates, up to a strain of 3 %"),
+                .note("slope of the stress over the strain between the plates, up to a strain of 3 %"),
         );
     }
     let points = |name: &str| results.first_record(name).map(stress).unwrap_or_default();
@@ -146,10 +146,11 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         Row::new(NAME, format!("stress at a strain of {}, {WHOLE}", rounded(PAPERS_END, 3)), "kPa")
             .paper(PAPERS_END_PA / 1e3)
             .single(to_kpa(early))
-            .note(
-                "the modulus of the paper's samples is 48.6 kPa at first and then rises, so the stress of these samples \
-                 reaches 4 kPa at or before this strain",
-            ),
+            .note(format!(
+                "at small strains, the paper's samples have a modulus of 48.6 kPa; the modulus then grows with the strain, so the \
+                 stress of these samples reaches 4 kPa at a strain of {} or less",
+                rounded(PAPERS_END, 3)
+            )),
     );
     let stiffens = stiffening(&whole);
     rows.push(
@@ -183,15 +184,15 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     let mut findings = Vec::new();
     findings.extend(plates_pa(WHOLE).map(|modulus| {
         format!(
-            "Roost does not reproduce the modulus of 48.6 kPa. A block with the parameters of Table 2 has {} % of this modulus. The \
-             paper used the measured modulus of the tissue as the modulus of a sub-particle. The stiffness of a block, however, comes \
-             mostly from its bonds.",
+            "Roost does not reproduce the modulus of 48.6 kPa. A block with R = 4 mm and the parameters of Table 2 has {} % of this \
+             modulus. The paper used the measured modulus of the tissue (the meat) as the modulus of a sub-particle. The stiffness of \
+             a block, however, comes mostly from its bonds.",
             rounded(100.0 * modulus / PAPERS_PA, 0)
         )
     }));
     findings.extend(lattice_pa(WHOLE).zip(alone_pa).map(|(whole, alone)| {
         format!(
-            "At R = 4 mm the modulus of the lattice is {} kPa. Bonds contribute {} kPa, the value of S_n π R/2. Contact between \
+            "At R = 4 mm, the modulus of the lattice is {} kPa. Bonds contribute {} kPa, the value of S_n π R/2. Contact between \
              bonded neighbours contributes the difference between these two values.",
             rounded(whole / 1e3, 2),
             rounded(alone / 1e3, 2)
@@ -199,10 +200,12 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     }));
     findings.extend(early.zip(stiffens).map(|(early, stiffens)| {
         format!(
-            "The block {}. The slope of stress over strain in the last 3 % of strain is {} times the slope in the first 3 %. At the \
-             strain at which the paper's samples have reached 4 kPa, the stress of the block is {} kPa.",
+            "The block with R = 4 mm {}. The slope of the stress over the strain in the last 3 % of strain is {} times the slope in \
+             the first 3 %. At a strain of {}, the paper's samples have reached a stress of 4 kPa. At this strain, the stress of the \
+             block is {} kPa.",
             if stiffens > 1.0 { "stiffens, as the paper's samples do" } else { "does not stiffen" },
             rounded(stiffens, 1),
+            rounded(PAPERS_END, 3),
             rounded(early / 1e3, 2)
         )
     }));

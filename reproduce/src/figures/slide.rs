@@ -88,7 +88,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     let known = |friction: &f64| Some((*friction, papers(*friction).complete_sample()?.mean));
     let points: Option<Vec<(f64, f64)>> = profile.frictions.iter().map(known).collect();
     let n: usize = profile.frictions.iter().map(|friction| papers(*friction).values.len()).sum();
-    let tilted = format!("the plate tilts by {} °/s", significant(profile.tilt_rate_deg_s));
+    let tilted =
+        format!("the tilt of the plate grows by {}° per second", significant(profile.tilt_rate_deg_s));
     let mut rows = vec![
         Row::new(NAME, "R² of a straight line through the mean sliding angles over μ", "")
             .paper("strong linear correlation")
@@ -115,19 +116,27 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .paper("negligible")
             .replicates(&spreads)
             .demand(Demand::Below(1.0))
-            .note("at the same heading and μ = 0.5; mean of the spreads over the headings")
+            .note(
+                "for each heading, the spread is the maximum minus the minimum of the sliding angles at the three surface energies; \
+                 μ is 0.5; the value is the mean of these spreads",
+            )
             .note(range_text(&spreads)),
     );
     let trussed = results.response(TRUSSED, "critical_angle_deg");
     rows.push(
         Row::new(NAME, "sliding angle at μ = 0.5 with diagonal bonds", "°")
             .replicates(&trussed)
-            .note("one type of sub-particles and a contact radius of 1.5 R: the bonds form a stiff truss")
+            .note(format!(
+                "with `/bonds/types` 1 and `/bonds/contact_radius_ratio` {TRUSS}, bonds join all sub-particles whose centres are at \
+                 most {} R apart, also along the diagonals of the lattice; diagonal bonds make the fillet stiff, as diagonal bars \
+                 make a frame stiff",
+                2.0 * TRUSS
+            ))
             .note(range_text(&trussed)),
     );
     let mut findings = vec![
-        "Fig. 8b is an experiment with water on real fillets. In the model, water only changes the parameters. Therefore Roost does \
-         not simulate this experiment."
+        "Fig. 8b of the paper is an experiment with water on real fillets. Roost does not simulate this experiment, because the model \
+         has no water: a wet condition only means other values of some parameters."
             .to_owned(),
     ];
     findings.extend(early_sliding(&papers(TABLE_2), &trussed));
@@ -174,7 +183,7 @@ fn early_sliding(angles: &Replicates, trussed: &Replicates) -> Option<String> {
         return None;
     }
     let mut text = format!(
-        "At μ = 0.5 fillets slide at a mean angle of {}°, below atan μ = {}°.",
+        "At μ = 0.5, fillets begin to slide at a mean angle of {}°, below atan μ = {}°.",
         rounded(mean.mean, 1),
         rounded(coulomb, 1)
     );
@@ -184,8 +193,8 @@ fn early_sliding(angles: &Replicates, trussed: &Replicates) -> Option<String> {
     let truss = trussed.mean()?;
     if (truss - coulomb).abs() < (mean.mean - coulomb).abs() {
         text.push_str(&format!(
-            " By default, bonds carry no moments, so single sub-particles may roll on the plate. Diagonal bonds prevent this rolling. \
-             With diagonal bonds, the angle is {}°.",
+            " By default, bonds do not resist bending and twist, so single sub-particles may roll on the plate. Diagonal bonds prevent \
+             this rolling. With diagonal bonds, the mean angle is {}°.",
             rounded(truss, 1)
         ));
     }
@@ -242,7 +251,7 @@ mod tests {
         let evaluation =
             evaluate_with(|_, friction, seed| (friction < 0.6 || seed != 2).then_some(50.0 * friction));
         assert_eq!(row(&evaluation, "R²").holds, Some(false));
-        assert!(row(&evaluation, "at μ = 0.7").note.contains("4 of 5 runs"));
+        assert!(row(&evaluation, "at μ = 0.7").note.contains("4 of 5 simulations"));
         assert_eq!(row(&evaluate_with(|_, friction, _| Some(50.0 * friction)), "R²").holds, Some(true));
     }
 

@@ -89,12 +89,13 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     let illustrations = svg.map(|svg| Illustration::new(svg, caption)).into_iter().collect();
     let spread = |name: &str| {
         let sample = shares(results, name, *times.last()?).scaled(100.0).sample()?;
-        Some(format!("{} with {name}", rounded(sample.deviation?, 1)))
+        Some(rounded(sample.deviation?, 1))
     };
     let findings = spread(AUTO).zip(spread(PAPERS)).map(|(auto, papers)| {
         format!(
-            "Discharged masses differ between seeds. Their standard deviation at {} s, in % of the filled mass, is {auto} and \
-             {papers}. Therefore the table compares means over seeds instead of single runs.",
+            "The discharged masses differ between seeds. At {} s, the standard deviation of the discharged mass is {auto} % of the \
+             filled mass with the time step {AUTO}, and {papers} % with the time step {PAPERS}. Therefore the table compares means \
+             over seeds, not single simulations.",
             significant(profile.timestep_bed.duration_s)
         )
     });

@@ -79,12 +79,13 @@ fn settle_s(results: &Results<'_>, name: &str) -> Replicates {
     results.response(name, "settle_time_s")
 }
 
-/// A note on the number of fillets per run, and the mass of fragments that left the simulated space.
+/// A note on the number of fillets per simulation, and the mass of fragments that left the simulated space.
 fn fillets_note(profile: &Profile, results: &Results<'_>, name: &str) -> String {
     let count = 6 * profile.of_each_shape;
     let escaped = results.response(name, "escaped_kg").mean().filter(|mass| *mass > 0.0);
     let escaped = escaped.map(|mass| {
-        format!(", {} g of fragments left the simulated space", significant((mass * 1e5).round() / 100.0))
+        let grams = significant((mass * 1e5).round() / 100.0);
+        format!("; on average, {grams} g of fragments per simulation left the simulated space")
     });
-    format!("{count} fillets per run{}", escaped.unwrap_or_default())
+    format!("{count} fillets per simulation{}", escaped.unwrap_or_default())
 }

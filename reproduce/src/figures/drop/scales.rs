@@ -45,7 +45,7 @@ fn runs(profile: &Profile) -> Vec<Run> {
 fn papers(scale: f64) -> (Value, Option<f64>) {
     match scale {
         s if s >= 9.0 => (json!(0.5), Some(0.5)),
-        s if s <= 0.3 => (json!("0.78 falling to 0.05; 0.2 where growth begins"), Some(0.15)),
+        s if s <= 0.3 => (json!("0.78, falling to 0.05; 0.2 where the growth begins"), Some(0.15)),
         _ => (Value::Null, None),
     }
 }
@@ -63,9 +63,9 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         let row = Row::new(NAME, quantity, "s").paper(paper).replicates(time);
         let row = row.note(fillets_note(profile, results, &scale_name(*scale)));
         rows.push(match demand {
-            Some(about) => row
-                .demand(Demand::Near(about, ABOUT * about))
-                .note(format!("the paper has about {about} s; the demand allows ± a quarter of this time")),
+            Some(about) => row.demand(Demand::Near(about, ABOUT * about)).note(format!(
+                "the value of the paper is about {about} s; the demand allows a quarter more or less"
+            )),
             None => row,
         });
     }
@@ -76,7 +76,9 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .paper("grows, with small oscillations")
             .value(means.and_then(|means| rank_correlation(&means)), number_of_values(&times))
             .demand(Demand::AtLeast(0.8))
-            .note("the correlation is 1 for steady growth"),
+            .note(
+                "the correlation is 1 if the mean settle time grows from each scale to the next larger scale",
+            ),
     );
     for (scale, share) in &shares {
         let paper = match *scale {
@@ -103,8 +105,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         let share = if percent < 100.0 { format!("at least {} %", significant(percent)) } else { "all".to_owned() };
         format!(
             "In the paper, under 5 % of the bonds stay intact at the smallest scale. Roost does not reproduce this loss: {share} of \
-             the bonds stay intact with every seed. The paper's text gives the smallest scale once as 0.25 and once as 1. The text \
-             also reports 100 % intact bonds at the chosen scale 1."
+             the bonds stay intact with every seed. The paper's text gives the smallest scale once as 0.25 and once as 1. The \
+             authors of the paper chose the scale 1 for their fillets, and report that all bonds stay intact at this scale."
         )
     }));
     findings.extend(first_fall(&times).map(|((from, before), (to, after))| {

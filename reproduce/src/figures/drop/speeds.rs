@@ -56,7 +56,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         Row::new(NAME, "minimum share of bonds intact, flat, up to 4 m/s, Table 2", "")
             .sample(minimum)
             .demand(Demand::AtLeast(0.99))
-            .note("at the speed with the minimum share"),
+            .note("mean share at the impact speed at which this mean share is smallest"),
     ];
     for (speed, share) in shares(table_2, ON_END) {
         let quantity = format!("share of bonds intact on end at {} m/s, Table 2", significant(speed));
@@ -65,9 +65,10 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             Row::new(NAME, quantity, "").replicates(&share).note(fillets_note(profile, results, &name)),
         );
     }
-    for (multiple, papers) in
-        [(MULTIPLES[2].0, "more than with softer bonds"), (MULTIPLES[0].0, "fewer than with stiffer bonds")]
-    {
+    for (multiple, papers) in [
+        (MULTIPLES[2].0, "a larger share than with softer bonds"),
+        (MULTIPLES[0].0, "a smaller share than with stiffer bonds"),
+    ] {
         let name = speed_name(multiple, ON_END, FAST_M_S);
         rows.push(
             Row::new(NAME, format!("share of bonds intact on end at 4 m/s, {multiple}"), "")
@@ -94,7 +95,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .paper("none")
             .value(Some(rises.len() as f64), n)
             .note(format!(
-                "of {} steps; an increase counts only if its 95 % interval (Welch) excludes 0",
+                "there are {} steps; an increase counts only if its whole 95 % interval (Welch) is above 0",
                 line.len().saturating_sub(1)
             )),
         );
@@ -120,7 +121,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .paper("highlighted as stable")
             .value(Some(stable as f64), points.iter().map(|share| share.n).sum())
             .note(format!(
-                "of {} points; a point is a combination of stiffness, orientation and speed",
+                "there are {} points; a point is a combination of stiffness, orientation and speed",
                 points.len()
             )),
     );

@@ -33,7 +33,7 @@ pub(super) fn figure(profile: &Profile) -> Figure {
         title: "Fig. 9: settle time over stiffness",
         part: Part::Drop,
         paper: "The time until 99 % of the kinetic energy is lost has a valley over S_n and S_t: low, unbalanced stiffnesses settle \
-                fastest, balanced ones take up to five times longer. With Fig. 7: S_n far above S_t is unstable at every time \
+                fastest, balanced ones take up to five times as long. With Fig. 7: S_n far above S_t is unstable at every time \
                 step, S_t far above S_n only breaks bonds.",
         runs: runs(profile),
         evaluate,
@@ -93,7 +93,10 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         Row::new(NAME, "settle time after a flat impact at 2 m/s, Table 2", "s")
             .replicates(&settle_s(results, &table_2))
             .demand(Demand::Between(0.1, 0.35))
-            .note(format!("mean over the fillets of a run, {}", fillets_note(profile, results, &table_2))),
+            .note(format!(
+                "each simulation gives the mean over its fillets; {}",
+                fillets_note(profile, results, &table_2)
+            )),
         Row::new(NAME, "maximum settle time of a fillet after a flat impact at 2 m/s, Table 2", "s")
             .replicates(&results.response(&table_2, "longest_settle_time_s")),
     ];
@@ -113,8 +116,9 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .paper("up to 5")
             .difference_of(found.map(|(ratio, _)| ratio), runs)
             .note(
-                found
-                    .map_or("a pair is missing".to_owned(), |(_, shear)| format!("minimum at S_t {shear:e}")),
+                found.map_or("one of the two settle times is missing".to_owned(), |(_, shear)| {
+                    format!("the minimum at other S_t is at S_t {shear:e} N/m³")
+                }),
             ),
         );
         let ratio = found.map(|(ratio, _)| ratio);
@@ -129,7 +133,10 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         Row::new(NAME, "stiffnesses with the minimum settle time", "")
             .paper("at low, unbalanced stiffnesses")
             .text(words, shortest.map_or(0, |(_, time)| time.n))
-            .note("among pairs of stiffnesses at which fillets settle with every seed and keep at least 99 % of their bonds"),
+            .note(
+                "the minimum is over the pairs of stiffnesses at which all fillets settle with every seed, and at which more than 99 % \
+                 of the bonds stay intact",
+            ),
     );
     let (torn, whole) = (intact(results, &at(SOFT, STIFF)), intact(results, &table_2));
     let breaks = torn.mean().zip(whole.mean()).is_some_and(|(torn, whole)| torn < whole - 0.01);
@@ -150,7 +157,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .paper("unstable"),
         unstable(results, "bonds as published, S_n far above S_t, time step 1e-5 s", PUBLISHED_SMALL_STEP)
             .paper("unstable at every step down to 1e-10 s")
-            .note("one fillet per run"),
+            .note("one fillet per simulation"),
         sound(results, "bonds as published, S_t far above S_n (1e5, 1e7 N/m³)", PUBLISHED_REVERSED)
             .paper("only breaks bonds"),
         Row::new(NAME, "share of bonds intact, as published, S_t far above S_n", "")
@@ -158,12 +165,13 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .replicates(&reversed)
             .demand_text("less than with Table 2 (Welch)", fewer.is_some_and(|fewer| fewer.is_fall())),
         sound(results, "bonds that turn with the two spheres, S_n far above S_t", &at(STIFF, SOFT))
-            .note("the default formulation; not in the paper"),
+            .note("this formulation is the default of Roost; the paper does not have it"),
     ]);
     findings.extend(maximum.filter(|ratio| ratio.mean + ratio.half_width < 5.0).map(|ratio| {
         format!(
-            "In the paper, fillets with balanced stiffnesses (S_t = S_n) take up to five times longer to settle than fillets with \
-             other S_t at the same S_n. Roost does not reproduce this factor: in Roost, the maximum ratio of the two settle times is {} ± {}.",
+            "In the paper, fillets with balanced stiffnesses (S_t = S_n) take up to five times as long to settle as fillets with \
+             other S_t at the same S_n. Roost does not reproduce this factor of five: in Roost, the maximum ratio of the two settle \
+             times is {} ± {}.",
             rounded(ratio.mean, 2),
             rounded(ratio.half_width, 2)
         )
@@ -172,7 +180,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         shortest.filter(|((normal, shear), _)| normal.max(*shear) > TABLE_2.0 || normal == shear).map(
             |(pair, _)| {
                 format!(
-                    "In Roost, the minimum settle time is at {}. In the paper, the minimum is at low, unbalanced stiffnesses.",
+                    "In Roost, the minimum settle time is at {}. In the paper, the minimum is at low, unbalanced stiffnesses (S_t differs \
+                     from S_n).",
                     at(pair.0, pair.1)
                 )
             },
@@ -190,7 +199,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     }
     let broken = count(&|name| intact(results, name).mean().is_some_and(|share| share <= WHOLE));
     if broken > 0 {
-        findings.push(format!("More than 1 % of the bonds break at {broken} of {total} pairs of stiffnesses. The ratios of settle \
+        findings.push(format!("At least 1 % of the bonds break at {broken} of {total} pairs of stiffnesses. The ratios of settle \
                                times do not use these pairs."));
     }
     let lines = |sample: &dyn Fn(&str) -> Option<Sample>| {
@@ -248,7 +257,20 @@ fn unstable(results: &Results<'_>, quantity: &str, name: &str) -> Row {
     let instability = results.records(name).into_iter().find_map(|record| record.result.instability.as_ref());
     let row = Row::new("Fig. 9", quantity, "").text(format!("unstable in {unstable} of {planned}"), planned);
     row.demand_text("unstable with every seed", planned > 0 && unstable == planned)
-        .note(instability.map_or("", |instability| instability.reason.as_str()))
+        .note(instability.map_or_else(String::new, |instability| plain(&instability.reason)))
+}
+
+/// The reason of an instability with plain numbers such as 1.12 for 1.12e0, and with an explanation of the limit.
+fn plain(reason: &str) -> String {
+    let word = |word: &str| {
+        let number = word.parse::<f64>().ok().filter(|_| word.contains('e'));
+        number.map_or_else(|| word.to_owned(), significant)
+    };
+    let words: Vec<String> = reason.split(' ').map(word).collect();
+    words.join(" ").replace(
+        ", twice the energy that it can have",
+        ", twice the energy that the impact speed, gravity and adhesion can give to this fillet",
+    )
 }
 
 /// A row for runs that must not diverge with any seed.
@@ -296,7 +318,7 @@ mod tests {
         let evaluation = evaluate_with(of);
         let ratio = row(&evaluation, "S_n 1e6").measured.as_f64().unwrap();
         assert!((ratio - 1.262 / 0.652).abs() < 1e-9, "{ratio}");
-        assert!(row(&evaluation, "S_n 1e6").note.contains("minimum at S_t 1e5"));
+        assert!(row(&evaluation, "S_n 1e6").note.contains("is at S_t 1e5 N/m³"));
         let minimum = row(&evaluation, "minimum settle time").measured.as_str().unwrap().to_owned();
         assert!(minimum.starts_with("S_n 1e5, S_t 1e6"), "{minimum}");
         assert!(
@@ -311,9 +333,9 @@ mod tests {
             (1e7, 1e6) => Some(drop(run, Some(0.01), 0.9)),
             _ => of(run),
         });
-        assert!(row(&evaluation, "S_n 1e6").note.contains("minimum at S_t 1e7"));
+        assert!(row(&evaluation, "S_n 1e6").note.contains("is at S_t 1e7 N/m³"));
         assert!(
-            row(&evaluation, "S_n 1e7").note.contains("minimum at S_t 1e5"),
+            row(&evaluation, "S_n 1e7").note.contains("is at S_t 1e5 N/m³"),
             "pairs that break bonds are not compared"
         );
         assert!(
@@ -324,6 +346,16 @@ mod tests {
         let finding = |text: &str| evaluation.findings.iter().find(|finding| finding.contains(text)).unwrap();
         assert!(finding("do not settle").contains("at 1 of 9 pairs"));
         assert!(finding("bonds break").contains("at 1 of 9 pairs"));
+    }
+
+    #[test]
+    fn reasons_have_plain_numbers() {
+        let reason = "fillet 5 has 1.12e0 J of kinetic energy; the limit is 1.06e0 J, twice the energy that it can have";
+        let text = plain(reason);
+        assert!(text.starts_with(
+            "fillet 5 has 1.12 J of kinetic energy; the limit is 1.06 J, twice the energy that the impact"
+        ));
+        assert_eq!(plain("a sub-particle is too fast"), "a sub-particle is too fast");
     }
 
     #[test]

@@ -70,24 +70,31 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .replicates(&at_4_s)
             .demand(Demand::Near(PAPERS_DISCHARGED_KG, 0.07 * PAPERS_DISCHARGED_KG))
             .note(format!(
-                "circular: the hopper's width was derived from this number, so this row checks consistency and does not validate the \
-                 model; {bed_text}"
+                "the width of the simulated hopper was derived from the paper's {PAPERS_DISCHARGED_KG} kg, so this row only checks \
+                 consistency and does not validate the model; {bed_text}"
             )),
         Row::new(NAME, "loaded mass", "kg")
             .paper(PAPERS_LOADED_KG)
             .replicates(&scaled("loaded_kg"))
-            .note(format!("{bed_text}; the fillets' volume was chosen so that 191 fillets have this mass")),
+            .note(format!(
+                "mass of all fillets that drop into the hopper before the belt starts; {bed_text}; the volume of the fillets was \
+                 chosen so that 191 fillets have about the mass in the paper"
+            )),
         Row::new(NAME, "share of the loaded mass discharged at 4 s", "")
             .paper(PAPERS_DISCHARGED_KG / PAPERS_LOADED_KG)
             .replicates(&share)
-            .note("circular like the mass at 4 s; the paper calls the hopper fully discharged after a discharge of 33.2 of 38.21 kg"),
+            .note(
+                "the width of the simulated hopper was derived from the paper's mass at 4 s, so this row does not validate the model; \
+                 the paper calls the hopper fully discharged after a discharge of 33.2 kg of the loaded 38.21 kg",
+            ),
         Row::new(NAME, "time until 95 % of the filled mass is discharged", "s").replicates(&seeds("time_to_95_percent_s")),
         Row::new(NAME, "bulk density of the bed at rest", "kg/m³")
             .paper((PAPERS_LOADED_KG / PAPERS_VOLUME_M3).round())
             .replicates(&seeds("bulk_density_kg_m3"))
             .note(
-                "paper: 38.21 kg in 0.0407 m³. Roost: filled mass divided by the volume of the bed, which is hopper area times bed \
-                 height; on 95 % of the floor, the bed is at most as high as the bed height",
+                "paper: 38.21 kg divided by 0.0407 m³, the inner volume of the hopper; Roost: filled mass divided by the volume of the \
+                 bed; this volume is the area of the hopper times the bed height; on 95 % of this area, the bed is not higher than the \
+                 bed height",
             ),
         Row::new(NAME, "simulated time until the filled hopper is at rest", "s")
             .paper(4.0)
@@ -101,14 +108,15 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             .replicates(&scaled("effective_throughput_kg_s"))
             .note(
                 "95 % of the filled mass, divided by the time until this mass is discharged; the paper does not define its throughput; \
-                 like the mass at 4 s, the throughput depends on the derived width",
+                 the throughput depends on the width of the hopper, which was derived from the paper's mass at 4 s",
             ),
         Row::new(NAME, "mean rate from 0.5 s until 80 % is discharged", "kg/s").replicates(&scaled("mean_rate_kg_s")),
         Row::new(NAME, "wall time of 10 simulated seconds", "min").paper(9.0).replicates(&minutes).note(
             records.first().map_or_else(String::new, |record| {
                 format!(
-                    "paper: 41,000 sub-particles on a GPU; here: {} sub-particles on {} thread(s) of {}",
-                    record.result.performance.subparticles,
+                    "wall time is the time that passes while the computer simulates; paper: 41,000 sub-particles on a GPU; here: {} \
+                     sub-particles on {} thread(s) of {}",
+                    with_commas(record.result.performance.subparticles),
                     record.result.solver.threads,
                     record.computed_by()
                 )
@@ -116,16 +124,17 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         ),
     ];
     let mut findings = vec![
-        "The mass of 33.2 kg in 4 s does not validate the model. The paper's text does not give the hopper's dimensions, so the width \
-         was derived from this mass. The derivation assumes a layer of 6 cm with 940 kg/m³ and a speed of 0.25 m/s. This layer \
-         carries 14.1 kg/s per metre of width. A discharge of 33.2 kg in 4 s therefore needs a width of 0.59 m."
+        "The comparison with the paper's 33.2 kg in 4 s does not validate the model. The paper's text does not give the hopper's \
+         dimensions, so the width of the simulated hopper was derived from this mass. The derivation assumes that the belt moves a \
+         layer of 6 cm height and 940 kg/m³ density at 0.25 m/s. This layer carries 14.1 kg/s per metre of width. A discharge of \
+         33.2 kg in 4 s therefore needs a width of 0.59 m."
             .to_owned(),
     ];
     let until = seeds("time_to_95_percent_s");
     findings.extend(until.range().filter(|(minimum, _)| *minimum > COMPARED_S).map(|(minimum, maximum)| {
         format!(
             "The paper says that 33.2 kg were fully discharged within 4 s, and that 38.21 kg were loaded. Here 95 % of the filled \
-             mass is discharged after {} to {} s, in {} of {} runs.",
+             mass is discharged after {} to {} s, in {} of {} simulations.",
             rounded(minimum, 1),
             rounded(maximum, 1),
             until.values.len(),
@@ -146,10 +155,31 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     with_plot(rows, findings, svg, caption)
 }
 
+/// A count with a comma before each group of three digits, such as 39,182.
+fn with_commas(count: u64) -> String {
+    let digits = count.to_string();
+    let mut text = String::new();
+    for (number, digit) in digits.chars().enumerate() {
+        if number > 0 && (digits.len() - number).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::figures::fixtures;
+
+    #[test]
+    fn counts_have_a_comma_before_each_group_of_three_digits() {
+        assert_eq!(
+            [7, 999, 1000, 39_182, 1_234_567].map(with_commas),
+            ["7", "999", "1,000", "39,182", "1,234,567"]
+        );
+    }
 
     #[test]
     fn linearity_covers_the_first_4_s() {

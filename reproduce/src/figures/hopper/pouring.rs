@@ -47,14 +47,16 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     }
     let mut rows = Vec::new();
     for name in [WIDE, NARROW] {
-        for (quantity, response) in [
-            ("curl of fillets behind the gate", "curl_angle_deg"),
-            ("maximum curl of a fillet", "largest_curl_angle_deg"),
+        for (quantity, response, of) in [
+            ("curl of fillets behind the gate", "curl_angle_deg", "mean over the fillets and over time"),
+            ("maximum curl of a fillet", "largest_curl_angle_deg", "maximum over the fillets and over time"),
         ] {
             let row = Row::new(NAME, format!("{quantity}, {name}"), "°").paper("curling and draping");
             rows.push(
-                row.replicates(&results.response(name, response))
-                    .note("angle between the ends of the centre line; 0° is flat, 180° is folded"),
+                row.replicates(&results.response(name, response)).note(format!(
+                    "{of}; 0° is flat, 180° is folded; the paper gives no angle: it says that the fillets curl (bend) and drape (hang \
+                     down like cloth)"
+                )),
             );
         }
         let row = Row::new(NAME, format!("longest stoppage, {name}"), "s");
@@ -69,8 +71,8 @@ fn no_jam(results: &Results<'_>) -> Option<String> {
     let stops = results.response(NARROW, "longest_stoppage_s");
     let (_, longest) = stops.range().filter(|(_, longest)| *longest < STANDSTILL_S)?;
     Some(format!(
-        "Roost does not reproduce the jam at 4.5 cm. With the parameters of Table 2, the longest stoppage is {} s. Table 3 shows \
-         which parameters slow the flow.",
+        "Roost does not reproduce the jam at 4.5 cm. With the parameters of Table 2, the longest stoppage is {} s. The \
+         list below Table 3 states how the belt friction and the surface energy change the mean rate.",
         significant((longest * 100.0).round() / 100.0)
     ))
 }

@@ -67,27 +67,34 @@ fn regimes(results: &Results<'_>, name: &str, expected: &str) -> (String, bool) 
     }
 }
 
+/// A note on the regimes of the runs of a name.
+fn regime_note(words: &str) -> String {
+    format!("regime of the simulations: {words}")
+}
+
 /// A finding on the effects of belt friction and adhesion on the rate.
 fn cause_finding(dry: &Replicates, frictions: &[(f64, Replicates)], sticky: &Replicates) -> Option<String> {
     let (dry_kg_s, sticky_kg_s) = (dry.mean()?, sticky.mean()?);
     let reduced: Vec<String> = frictions
         .iter()
         .map(|(friction, seeds)| {
-            Some(format!("{} kg/s (at {})", rounded(seeds.mean()?, 2), significant(*friction)))
+            Some(format!("{} kg/s at a friction of {}", rounded(seeds.mean()?, 2), significant(*friction)))
         })
         .collect::<Option<_>>()?;
     let minimum = frictions.iter().filter_map(|(_, rates)| rates.mean()).reduce(f64::min)?;
+    let (last, others) = reduced.split_last()?;
     let mut text = format!(
-        "At 6 cm, dry, the mean rate is {} kg/s with a belt friction of 0.5. With a lower belt friction, the rate is {}. A surface \
-         energy of {STICKY_J_M2} J/m² in all contacts, in place of 0.055 J/m², changes the rate to {} kg/s.",
+        "At 6 cm, dry, the mean rate is {} kg/s with a belt friction of 0.5. With a lower belt friction, the mean rate is {}, and \
+         {last}. A surface energy of {STICKY_J_M2} J/m² in all contacts, in place of 0.055 J/m², changes the mean rate to {} kg/s.",
         rounded(dry_kg_s, 2),
-        reduced.join(", "),
+        others.join(", "),
         rounded(sticky_kg_s, 2)
     );
     if minimum < sticky_kg_s && minimum < dry_kg_s {
         text.push_str(
-            " In the model, lower traction of the belt therefore slows the flow more than adhesion does. The paper names both lower \
-             traction and adhesion as causes. The paper measured friction on a steel plate, not on the modular belt.",
+            " In the model, a lower belt friction therefore slows the flow more than a larger surface energy does. The paper names two \
+             causes of slower flow: lower traction (grip of the belt on the fillets), and adhesion. The paper measured the friction on \
+             a steel plate, not on the belt of its hopper, which is a modular belt (a belt of linked modules).",
         );
     }
     Some(text)
@@ -102,8 +109,8 @@ fn wet_finding(profile: &Profile) -> String {
     };
     let ((dry, usual), (wet, energy)) = (parameters("dry"), parameters("wet"));
     format!(
-        "The parameters of the wet condition are assumptions. They are a friction of {} on the belt in place of {}, and a surface \
-         energy of {} J/m² in place of {} J/m². The paper only says that water was added.",
+        "The wet condition has a belt friction of {} in place of {}, and a surface energy of {} J/m² in place of {} J/m². These values \
+         are assumptions, because the paper only says that water was added.",
         significant(wet),
         significant(dry),
         significant(energy),
@@ -124,13 +131,15 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         });
         if !is_papers && n > 0 {
             findings.push(format!(
-                "At {name}, the regime in the paper is {papers}. The regime in Roost is {words} runs."
+                "At {name}, the regime in the paper is {papers}. In Roost, the regime is {words} simulations."
             ));
         }
         let row =
             Row::new(NAME, format!("minimum rate over 1 s, divided by the belt capacity, at {name}"), "");
         let row = row.replicates(&results.response(name, "lowest_rate_ratio"));
-        rows.push(row.note("the regime is no flow below 0.15, and inconsistent from 0.15 to 0.55"));
+        rows.push(row.note(
+            "the regime is “no flow” if this value is below 0.15, and “inconsistent” if this value is from 0.15 to 0.55",
+        ));
     }
     let factor = scale_to_hopper(&profile.bed);
     let rates = |name: &str| results.response(name, "mean_rate_kg_s").scaled(factor);
@@ -154,18 +163,18 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
                 "the 95 % interval contains 0.75 and is at most ± 0.1",
                 over.is_some_and(|over| over.contains(0.75) && over.half_width <= 0.1),
             )
-            .note("0.75 is 4.5 / 6, the ratio of the openings"),
+            .note("0.75 is 4.5 cm divided by 6 cm, the ratio of the gate openings"),
     );
     let frictions = BELT_FRICTIONS.map(|friction| (friction, rates(&friction_name(friction))));
     for (friction, seeds) in &frictions {
         let quantity = format!("mean rate at 6 cm, dry with a belt friction of {}", significant(*friction));
         let (words, _) = regimes(results, &friction_name(*friction), "constant");
-        rows.push(Row::new(NAME, quantity, "kg/s").replicates(seeds).note(format!("regime: {words}")));
+        rows.push(Row::new(NAME, quantity, "kg/s").replicates(seeds).note(regime_note(&words)));
     }
     let sticky = rates(STICKY);
     let quantity = format!("mean rate at 6 cm, dry with a surface energy of {STICKY_J_M2} J/m²");
     let (words, _) = regimes(results, STICKY, "constant");
-    rows.push(Row::new(NAME, quantity, "kg/s").replicates(&sticky).note(format!("regime: {words}")));
+    rows.push(Row::new(NAME, quantity, "kg/s").replicates(&sticky).note(regime_note(&words)));
     findings.push(wet_finding(profile));
     findings.extend(cause_finding(&wide, &frictions, &sticky));
     let svg = discharge_plot(results, factor, &CELLS.map(|cell| cell.0), Vec::new());
@@ -217,15 +226,15 @@ mod tests {
         let text = cause_finding(&seeds(8.0), &frictions(1.0), &seeds(7.5)).unwrap();
         assert!(
             text.contains(
-                "8.00 kg/s with a belt friction of 0.5. With a lower belt friction, the rate is 6.00 kg/s (at 0.3), 1.00 kg/s (at \
-                 0.1)"
+                "8.00 kg/s with a belt friction of 0.5. With a lower belt friction, the mean rate is 6.00 kg/s at a friction of 0.3, \
+                 and 1.00 kg/s at a friction of 0.1."
             ),
             "{text}"
         );
-        assert!(text.contains("changes the rate to 7.50 kg/s") && text.contains("traction"), "{text}");
+        assert!(text.contains("changes the mean rate to 7.50 kg/s") && text.contains("traction"), "{text}");
         assert!(!cause_finding(&seeds(8.0), &frictions(5.0), &seeds(2.0)).unwrap().contains("traction"));
         assert_eq!(cause_finding(&seeds(8.0), &frictions(1.0), &Replicates::default()), None);
-        assert!(wet_finding(PROFILES[0]).contains("a friction of 0.2 on the belt in place of 0.5"));
+        assert!(wet_finding(PROFILES[0]).contains("a belt friction of 0.2 in place of 0.5"));
         assert!(wet_finding(PROFILES[0]).contains("0.0728 J/m²"));
     }
 
