@@ -54,8 +54,8 @@ class HopperEquipmentSurfacesItem(TypedDict, total=False):
     """Rotation of the surface about `position_m` by three angles: first yaw (about z), then pitch (about the turned y
     axis), then roll (about the turned x axis). Unit: °. Source: assumed. Default: [0.0, 0.0, 0.0]."""
     pivot_m: Sequence[float]
-    """For the motion `moving`: the pivot is the point about which the surface turns. This field is the position of the
-    pivot at t = 0. Unit: m. Source: assumed. Default: [0.0, 0.0, 0.0]."""
+    """For the motion `moving`: position of the pivot at t = 0. The pivot is the point about which the surface turns.
+    Unit: m. Source: assumed. Default: [0.0, 0.0, 0.0]."""
     plate_m: Sequence[Sequence[float]] | None
     """Flat plate (parallelogram), instead of `mesh`: one corner, and two edges as vectors from this corner. Unit: m.
     Source: assumed. Default: null."""
@@ -72,8 +72,8 @@ class HopperEquipmentSurfacesItem(TypedDict, total=False):
     """Coulomb coefficient of friction of this surface. Null: the coefficient follows from `kind`. Source: assumed.
     Default: null. Range: ≥ 0 and ≤ 5."""
     velocity_m_s: Sequence[float]
-    """For the motion `belt`: velocity of the belt's material. For the motion `moving`: velocity of the pivot. Unit:
-    m/s. Source: assumed. Default: [0.0, 0.0, 0.0]."""
+    """For the motion `belt`: velocity of the belt's material. For the motion `moving`: velocity of the pivot, which is
+    the point about which the surface turns. Unit: m/s. Source: assumed. Default: [0.0, 0.0, 0.0]."""
 
 
 class SceneBodiesItem(TypedDict, total=False):
@@ -113,8 +113,8 @@ class SceneSurfacesItem(TypedDict, total=False):
     """Rotation of the surface about `position_m` by three angles: first yaw (about z), then pitch (about the turned y
     axis), then roll (about the turned x axis). Unit: °. Source: assumed. Default: [0.0, 0.0, 0.0]."""
     pivot_m: Sequence[float]
-    """For the motion `moving`: the pivot is the point about which the surface turns. This field is the position of the
-    pivot at t = 0. Unit: m. Source: assumed. Default: [0.0, 0.0, 0.0]."""
+    """For the motion `moving`: position of the pivot at t = 0. The pivot is the point about which the surface turns.
+    Unit: m. Source: assumed. Default: [0.0, 0.0, 0.0]."""
     plate_m: Sequence[Sequence[float]] | None
     """Flat plate (parallelogram), instead of `mesh`: one corner, and two edges as vectors from this corner. Unit: m.
     Source: assumed. Default: null."""
@@ -131,8 +131,8 @@ class SceneSurfacesItem(TypedDict, total=False):
     """Coulomb coefficient of friction of this surface. Null: the coefficient follows from `kind`. Source: assumed.
     Default: null. Range: ≥ 0 and ≤ 5."""
     velocity_m_s: Sequence[float]
-    """For the motion `belt`: velocity of the belt's material. For the motion `moving`: velocity of the pivot. Unit:
-    m/s. Source: assumed. Default: [0.0, 0.0, 0.0]."""
+    """For the motion `belt`: velocity of the belt's material. For the motion `moving`: velocity of the pivot, which is
+    the point about which the surface turns. Unit: m/s. Source: assumed. Default: [0.0, 0.0, 0.0]."""
 
 
 class ContactFilletBelt(TypedDict, total=False):
@@ -173,9 +173,9 @@ class ContactFilletFillet(TypedDict, total=False):
     static_friction: float
     """Coulomb coefficient of friction between fillets. Source: Table 2. Default: 0.1. Range: ≥ 0 and ≤ 5."""
     surface_energy_j_m2: float
-    """Surface energy γ between fillets: half of the energy per area that separates two fillets. The default for wet
-    fillets is the surface tension of water at 20 °C (assumed). Unit: J/m². Default when wet: 0.0728. Source: Table 2.
-    Default: 0.055. Range: ≥ 0 and ≤ 10."""
+    """Surface energy γ between fillets: half of the energy per area that is necessary to separate two fillets. The
+    default for wet fillets is the surface tension of water at 20 °C (assumed). Unit: J/m². Default when wet: 0.0728.
+    Source: Table 2. Default: 0.055. Range: ≥ 0 and ≤ 10."""
 
 
 class HopperNumericsStop(TypedDict, total=False):
@@ -253,14 +253,15 @@ class Bonds(TypedDict, total=False):
     moment_stiffness_factor: float
     """Factor for the stiffness of a bond against bending and twisting. With the value 0, bonds resist neither bending
     nor twisting, as in the paper. With the value 1, the bending stiffness is S_n I, and the twisting stiffness is S_t
-    J. The parallel bond of Potyondy and Cundall (2004) has the same stiffnesses. I and J are the second moments of area
-    of the bond's cross-section: I for bending, J for twisting. Source: assumed. Default: 0.0. Range: ≥ 0 and ≤ 10."""
+    J. Here, I and J are the second moments of area of the bond's cross-section: I for bending, J for twisting. The
+    parallel bond of Potyondy and Cundall (2004) has the same stiffnesses. Source: assumed. Default: 0.0. Range: ≥ 0 and
+    ≤ 10."""
     normal_stiffness_n_m3: float
     """Stiffness S_n of a bond along its length: force per change of length and per cross-section area of the bond.
     Unit: N/m³. Source: Table 2. Default: 1000000.0. Range: > 0 and ≤ 1000000000000."""
     normal_strength_pa: float | None
-    """Stress along a bond at which the bond breaks. Null: this stress has no limit. Unit: Pa. Source: Table 2 has
-    1e300. Default: null. Range: > 0 and ≤ 1e+300."""
+    """Stress along a bond at which the bond breaks. Null: no stress along the bond breaks the bond. Unit: Pa. Source:
+    Table 2 has 1e300. Default: null. Range: > 0 and ≤ 1e+300."""
     reference_radius_m: float | None
     """Radius R_ref of the sub-particles for which S_n and S_t are given. At another radius R, Roost multiplies S_n and
     S_t by R_ref / R. The elastic modulus of the lattice then stays the same. Null: Roost uses S_n and S_t unchanged at
@@ -269,7 +270,7 @@ class Bonds(TypedDict, total=False):
     """Stiffness S_t of a bond across its length (shear): force per sideways displacement and per cross-section area of
     the bond. Unit: N/m³. Source: Table 2. Default: 600000.0. Range: ≥ 0 and ≤ 1000000000000."""
     shear_strength_pa: float | None
-    """Shear stress at which a bond breaks. Null: this stress has no limit. Unit: Pa. Source: Table 2 has 1e300.
+    """Shear stress at which a bond breaks. Null: no shear stress breaks the bond. Unit: Pa. Source: Table 2 has 1e300.
     Default: null. Range: > 0 and ≤ 1e+300."""
     types: int
     """Number of types of sub-particles (Fig. 2). With 2 types, the types alternate on the lattice, and bonds join only
@@ -293,13 +294,13 @@ class HopperContact(TypedDict, total=False):
     """These values apply to contacts between two sub-particles."""
     fillet_fillet_radius_ratio: float
     """Radius of a sub-particle in contacts with other fillets, divided by `/product/subparticle_radius_m`. With the
-    value 1, a sub-particle of one fillet can slip between the sub-particles of another fillet. With the value 1.225, a
-    sub-particle is too large to slip into another fillet. Source: assumed. Default: 1.0. Range: ≥ 1 and ≤ 1.5."""
+    value 1, a sub-particle of one fillet can enter a gap between the sub-particles of another fillet. With the value
+    1.225, a sub-particle is too large to enter these gaps. Source: assumed. Default: 1.0. Range: ≥ 1 and ≤ 1.5."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, Roost uses the
-    energy γ R/R₀. The maximum pull per area of equipment is then 3πγ/(4 R₀). This pull does not depend on R, just as
-    the pull of a liquid film does not depend on R. Null: Roost uses γ unchanged at every radius. Unit: m. Source:
-    assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    energy γ R/R₀. On equipment, the maximum adhesion force per area is then 3πγ/(4 R₀). This force per area does not
+    depend on R. The force per area of a liquid film does not depend on R either. Null: Roost uses γ unchanged at every
+    radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class DropContact(TypedDict, total=False):
@@ -317,9 +318,9 @@ class DropContact(TypedDict, total=False):
     """These values apply to contacts between two sub-particles."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, Roost uses the
-    energy γ R/R₀. The maximum pull per area of equipment is then 3πγ/(4 R₀). This pull does not depend on R, just as
-    the pull of a liquid film does not depend on R. Null: Roost uses γ unchanged at every radius. Unit: m. Source:
-    assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    energy γ R/R₀. On equipment, the maximum adhesion force per area is then 3πγ/(4 R₀). This force per area does not
+    depend on R. The force per area of a liquid film does not depend on R either. Null: Roost uses γ unchanged at every
+    radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class BendContact(TypedDict, total=False):
@@ -337,9 +338,9 @@ class BendContact(TypedDict, total=False):
     """These values apply to contacts between two sub-particles."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, Roost uses the
-    energy γ R/R₀. The maximum pull per area of equipment is then 3πγ/(4 R₀). This pull does not depend on R, just as
-    the pull of a liquid film does not depend on R. Null: Roost uses γ unchanged at every radius. Unit: m. Source:
-    assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    energy γ R/R₀. On equipment, the maximum adhesion force per area is then 3πγ/(4 R₀). This force per area does not
+    depend on R. The force per area of a liquid film does not depend on R either. Null: Roost uses γ unchanged at every
+    radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class SlideContact(TypedDict, total=False):
@@ -357,9 +358,9 @@ class SlideContact(TypedDict, total=False):
     """These values apply to contacts between two sub-particles."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, Roost uses the
-    energy γ R/R₀. The maximum pull per area of equipment is then 3πγ/(4 R₀). This pull does not depend on R, just as
-    the pull of a liquid film does not depend on R. Null: Roost uses γ unchanged at every radius. Unit: m. Source:
-    assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    energy γ R/R₀. On equipment, the maximum adhesion force per area is then 3πγ/(4 R₀). This force per area does not
+    depend on R. The force per area of a liquid film does not depend on R either. Null: Roost uses γ unchanged at every
+    radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class CompressContact(TypedDict, total=False):
@@ -377,9 +378,9 @@ class CompressContact(TypedDict, total=False):
     """These values apply to contacts between two sub-particles."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, Roost uses the
-    energy γ R/R₀. The maximum pull per area of equipment is then 3πγ/(4 R₀). This pull does not depend on R, just as
-    the pull of a liquid film does not depend on R. Null: Roost uses γ unchanged at every radius. Unit: m. Source:
-    assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    energy γ R/R₀. On equipment, the maximum adhesion force per area is then 3πγ/(4 R₀). This force per area does not
+    depend on R. The force per area of a liquid film does not depend on R either. Null: Roost uses γ unchanged at every
+    radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class SceneContact(TypedDict, total=False):
@@ -397,13 +398,13 @@ class SceneContact(TypedDict, total=False):
     """These values apply to contacts between two sub-particles."""
     fillet_fillet_radius_ratio: float
     """Radius of a sub-particle in contacts with other fillets, divided by `/product/subparticle_radius_m`. With the
-    value 1, a sub-particle of one fillet can slip between the sub-particles of another fillet. With the value 1.225, a
-    sub-particle is too large to slip into another fillet. Source: assumed. Default: 1.0. Range: ≥ 1 and ≤ 1.5."""
+    value 1, a sub-particle of one fillet can enter a gap between the sub-particles of another fillet. With the value
+    1.225, a sub-particle is too large to enter these gaps. Source: assumed. Default: 1.0. Range: ≥ 1 and ≤ 1.5."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, Roost uses the
-    energy γ R/R₀. The maximum pull per area of equipment is then 3πγ/(4 R₀). This pull does not depend on R, just as
-    the pull of a liquid film does not depend on R. Null: Roost uses γ unchanged at every radius. Unit: m. Source:
-    assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    energy γ R/R₀. On equipment, the maximum adhesion force per area is then 3πγ/(4 R₀). This force per area does not
+    depend on R. The force per area of a liquid film does not depend on R either. Null: Roost uses γ unchanged at every
+    radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class HopperEquipment(TypedDict, total=False):
@@ -422,7 +423,9 @@ class HopperEquipment(TypedDict, total=False):
     `opening_height_m` instead. Roost then refuses a value of `gate_opening_m` that is neither the default nor equal to
     `opening_height_m`. Unit: m. Source: Fig. 5. Default: 0.06. Range: ≥ 0.001 and ≤ 5."""
     hopper_height_m: float
-    """Height of the hopper walls above the belt. Unit: m. Source: assumed. Default: 0.5. Range: ≥ 0.01 and ≤ 10."""
+    """Height of the hopper walls above the belt. If `parametric` is true, this height is a minimum. Roost makes the
+    walls higher if necessary: the walls end at least 0.1 m above the start positions of all fillets. Therefore fillets
+    do not fall beside the hopper. Unit: m. Source: assumed. Default: 0.5. Range: ≥ 0.01 and ≤ 10."""
     hopper_length_m: float
     """Inner length of the hopper along the belt (along x), measured at the height of the belt. Unit: m. Source:
     derived. Default: 0.3. Range: ≥ 0.01 and ≤ 10."""
@@ -447,14 +450,14 @@ class HopperEquipment(TypedDict, total=False):
     without friction, for a slice (narrow part) of a wide hopper. `periodic`: no walls. With `periodic`, a fillet that
     leaves on one side enters on the other side. Source: section 2.4. Default: "rough"."""
     surface_loads: bool
-    """Whether the result has series of the force and the torque on each surface. A result with these series is ten
-    times as large as a result without these series. Source: numerics. Default: false."""
+    """Whether the result has series of the force and the torque on each surface. Each surface adds six series to the
+    result. Therefore the size of the result grows with the number of surfaces. Source: numerics. Default: false."""
     surfaces: Sequence[HopperEquipmentSurfacesItem]
     """This list has further surfaces, such as parts from a CAD model. The fields are the same as in `/scene/surfaces`
     of the experiment `scene`."""
     wall_slope_deg: float
-    """Angle between the back wall and the vertical. If the angle is above 0, the hopper widens upwards. Unit: °.
-    Source: assumed. Default: 0.0. Range: ≥ 0 and ≤ 80."""
+    """Angle between the vertical direction and the back wall (the wall at the end of the hopper opposite the gate). If
+    the angle is above 0, the hopper widens upwards. Unit: °. Source: assumed. Default: 0.0. Range: ≥ 0 and ≤ 80."""
 
 
 class Material(TypedDict, total=False):
@@ -470,8 +473,8 @@ class HopperNumerics(TypedDict, total=False):
     """This section sets the time step, the duration, the time between samples, and the end of a simulation."""
 
     allow_unstable: bool
-    """Whether Roost accepts a time step above the stability limit. Use the value true only to study the stability.
-    Source: numerics. Default: false."""
+    """Whether Roost accepts a time step above the stability limit. For this check, Roost computes the limit without
+    damping. Use the value true only to study the stability. Source: numerics. Default: false."""
     duration_s: float
     """Maximum simulated time after t = 0. At t = 0, the belt or the test starts. Unit: s. Source: numerics. Default:
     6.0. Range: > 0 and ≤ 600."""
@@ -497,17 +500,17 @@ class HopperNumerics(TypedDict, total=False):
     stop: HopperNumericsStop
     """These conditions end a simulation before its duration is over."""
     timestep_s: float | Literal["auto"]
-    """Time step of the simulation. Above the stability limit, the simulation can become unstable. `auto`: Roost
-    computes a time step safely below this limit, from stiffness, mass, damping and the speed at the start. Unit: s.
-    Source: Table 2. Default: 5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
+    """Time step of the simulation. Above a certain time step, the stability limit, the simulation can become unstable
+    (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit, from stiffness,
+    mass, damping and the speed at the start. Unit: s. Source: Table 2. Default: 5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
 
 
 class DropNumerics(TypedDict, total=False):
     """This section sets the time step, the duration, the time between samples, and the end of a simulation."""
 
     allow_unstable: bool
-    """Whether Roost accepts a time step above the stability limit. Use the value true only to study the stability.
-    Source: numerics. Default: false."""
+    """Whether Roost accepts a time step above the stability limit. For this check, Roost computes the limit without
+    damping. Use the value true only to study the stability. Source: numerics. Default: false."""
     duration_s: float
     """Maximum simulated time after t = 0. At t = 0, the belt or the test starts. Unit: s. Source: numerics. Default:
     2.0. Range: > 0 and ≤ 600."""
@@ -526,17 +529,17 @@ class DropNumerics(TypedDict, total=False):
     stop: DropNumericsStop
     """These conditions end a simulation before its duration is over."""
     timestep_s: float | Literal["auto"]
-    """Time step of the simulation. Above the stability limit, the simulation can become unstable. `auto`: Roost
-    computes a time step safely below this limit, from stiffness, mass, damping and the speed at the start. Unit: s.
-    Source: Table 2. Default: 5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
+    """Time step of the simulation. Above a certain time step, the stability limit, the simulation can become unstable
+    (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit, from stiffness,
+    mass, damping and the speed at the start. Unit: s. Source: Table 2. Default: 5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
 
 
 class BendNumerics(TypedDict, total=False):
     """This section sets the time step, the duration, the time between samples, and the end of a simulation."""
 
     allow_unstable: bool
-    """Whether Roost accepts a time step above the stability limit. Use the value true only to study the stability.
-    Source: numerics. Default: false."""
+    """Whether Roost accepts a time step above the stability limit. For this check, Roost computes the limit without
+    damping. Use the value true only to study the stability. Source: numerics. Default: false."""
     duration_s: float
     """Maximum simulated time after t = 0. At t = 0, the belt or the test starts. Unit: s. Source: numerics. Default:
     5.0. Range: > 0 and ≤ 600."""
@@ -558,17 +561,17 @@ class BendNumerics(TypedDict, total=False):
     stop: BendNumericsStop
     """These conditions end a simulation before its duration is over."""
     timestep_s: float | Literal["auto"]
-    """Time step of the simulation. Above the stability limit, the simulation can become unstable. `auto`: Roost
-    computes a time step safely below this limit, from stiffness, mass, damping and the speed at the start. Unit: s.
-    Source: Table 2. Default: 5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
+    """Time step of the simulation. Above a certain time step, the stability limit, the simulation can become unstable
+    (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit, from stiffness,
+    mass, damping and the speed at the start. Unit: s. Source: Table 2. Default: 5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
 
 
 class SlideNumerics(TypedDict, total=False):
     """This section sets the time step, the duration, the time between samples, and the end of a simulation."""
 
     allow_unstable: bool
-    """Whether Roost accepts a time step above the stability limit. Use the value true only to study the stability.
-    Source: numerics. Default: false."""
+    """Whether Roost accepts a time step above the stability limit. For this check, Roost computes the limit without
+    damping. Use the value true only to study the stability. Source: numerics. Default: false."""
     gravity_m_s2: float
     """Acceleration of gravity. In `compress`, the default is 0, because the weight of the block would distort the curve
     of stress over strain. Unit: m/s². Source: assumed. Default: 9.81. Range: ≥ 0 and ≤ 100."""
@@ -587,17 +590,17 @@ class SlideNumerics(TypedDict, total=False):
     stop: SlideNumericsStop
     """These conditions end a simulation before its duration is over."""
     timestep_s: float | Literal["auto"]
-    """Time step of the simulation. Above the stability limit, the simulation can become unstable. `auto`: Roost
-    computes a time step safely below this limit, from stiffness, mass, damping and the speed at the start. Unit: s.
-    Source: Table 2. Default: 5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
+    """Time step of the simulation. Above a certain time step, the stability limit, the simulation can become unstable
+    (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit, from stiffness,
+    mass, damping and the speed at the start. Unit: s. Source: Table 2. Default: 5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
 
 
 class CompressNumerics(TypedDict, total=False):
     """This section sets the time step, the duration, the time between samples, and the end of a simulation."""
 
     allow_unstable: bool
-    """Whether Roost accepts a time step above the stability limit. Use the value true only to study the stability.
-    Source: numerics. Default: false."""
+    """Whether Roost accepts a time step above the stability limit. For this check, Roost computes the limit without
+    damping. Use the value true only to study the stability. Source: numerics. Default: false."""
     gravity_m_s2: float
     """Acceleration of gravity. In `compress`, the default is 0, because the weight of the block would distort the curve
     of stress over strain. Unit: m/s². Source: assumed. Default: 0.0. Range: ≥ 0 and ≤ 100."""
@@ -613,17 +616,17 @@ class CompressNumerics(TypedDict, total=False):
     stop: CompressNumericsStop
     """These conditions end a simulation before its duration is over."""
     timestep_s: float | Literal["auto"]
-    """Time step of the simulation. Above the stability limit, the simulation can become unstable. `auto`: Roost
-    computes a time step safely below this limit, from stiffness, mass, damping and the speed at the start. Unit: s.
-    Source: Table 2. Default: 5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
+    """Time step of the simulation. Above a certain time step, the stability limit, the simulation can become unstable
+    (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit, from stiffness,
+    mass, damping and the speed at the start. Unit: s. Source: Table 2. Default: 5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
 
 
 class SceneNumerics(TypedDict, total=False):
     """This section sets the time step, the duration, the time between samples, and the end of a simulation."""
 
     allow_unstable: bool
-    """Whether Roost accepts a time step above the stability limit. Use the value true only to study the stability.
-    Source: numerics. Default: false."""
+    """Whether Roost accepts a time step above the stability limit. For this check, Roost computes the limit without
+    damping. Use the value true only to study the stability. Source: numerics. Default: false."""
     duration_s: float
     """Maximum simulated time after t = 0. At t = 0, the belt or the test starts. Unit: s. Source: numerics. Default:
     2.0. Range: > 0 and ≤ 600."""
@@ -642,9 +645,9 @@ class SceneNumerics(TypedDict, total=False):
     stop: SceneNumericsStop
     """These conditions end a simulation before its duration is over."""
     timestep_s: float | Literal["auto"]
-    """Time step of the simulation. Above the stability limit, the simulation can become unstable. `auto`: Roost
-    computes a time step safely below this limit, from stiffness, mass, damping and the speed at the start. Unit: s.
-    Source: Table 2. Default: 5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
+    """Time step of the simulation. Above a certain time step, the stability limit, the simulation can become unstable
+    (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit, from stiffness,
+    mass, damping and the speed at the start. Unit: s. Source: Table 2. Default: 5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
 
 
 class HopperProduct(TypedDict, total=False):
