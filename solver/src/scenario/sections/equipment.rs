@@ -111,8 +111,9 @@ pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
             "This section describes the hopper, the gate and the belt. The default width and length of the hopper (Fig. 5) are derived \
              from other numbers of the paper."),
         list("/equipment/surfaces", "/scene/surfaces/*", MAX_SURFACES, Some("hopper"),
-            "This list has further surfaces, such as parts from a CAD model. The fields are the same as in `/scene/surfaces` of the \
-             experiment `scene`."),
+            "This list has your own surfaces, such as parts from a CAD model. If `parametric` is true, Roost adds them to the \
+             surfaces that it makes itself. If `parametric` is false, the hopper has only the surfaces of this list. The fields are \
+             the same as in `/scene/surfaces` of the experiment `scene`."),
     ],
     fields: FIELDS,
     takes: &[
