@@ -52,8 +52,7 @@ pub(crate) struct SignInArgs {
     groups_claim: String,
     /// Name of the claim that has the name of a user. The claim `email` counts as missing if the provider has not verified the
     /// address. If the claim is missing, the server takes the claim `preferred_username`. With the value `email`, the server does
-    /// not take a `preferred_username` that contains `@`, unless this name is the verified address of the user. If the server finds
-    /// no name in these claims, it takes the claim `sub`
+    /// not take a `preferred_username` that contains `@`. If the server finds no name in these claims, it takes the claim `sub`
     #[arg(
         long = "oidc-user-claim",
         env = "ROOST_OIDC_USER_CLAIM",

@@ -112,7 +112,7 @@ fn slow_fill(gate_m: f64, timestep_s: f64) -> Value {
 fn kill_of_a_worker_that_computes_a_fill_releases_the_waiting_jobs() {
     let sandbox = Sandbox::new();
     // The lease of the first worker, which is stopped, outlasts the work of the second.
-    let _server = sandbox.start_server_with(&["--lease-s", "15"]);
+    let _server = sandbox.start_server_with(&["--lease-s", "20"]);
     let first = sandbox.start_worker("first");
     // The filling lasts until the second worker has started and done other work.
     let slower_fill = |gate_m| slow_fill(gate_m, 2.5e-6);

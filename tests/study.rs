@@ -110,6 +110,9 @@ fn question_is_answered_and_a_repeat_has_the_same_answer() {
     };
     assert_eq!(words(&stdout(&again)), words(&first));
     assert_eq!(place.answer()["answer"], answer["answer"]);
+    for part in ["question", "answer", "finished"] {
+        assert_eq!(place.answer()["study"][part], answer["study"][part]);
+    }
     assert_eq!(runs_in(&table), runs);
 
     // Another question belongs into another folder.

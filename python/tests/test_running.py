@@ -58,7 +58,7 @@ def test_other_threads_go_on_during_a_run() -> None:
         assert running.result().end_reason == "duration"
         return count
 
-    # With the lock held, this thread would wake once, however often it is tried; a busy machine may stop it once.
+    # With the lock held, this thread would wake once in every try. A busy machine may stop it in one try, not in all.
     assert any(ticks() > 3 for _ in range(5))
 
 

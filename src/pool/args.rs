@@ -60,8 +60,9 @@ pub(super) struct SlurmArgs {
     /// Time between two checks of the server's queue and of Slurm's queue
     #[arg(long, default_value = "10s", value_name = "TIME", value_parser = time)]
     pub(super) interval: Duration,
-    /// A failure means that Slurm refuses an allocation, or that an allocation fails. After 3 failures in a row, the pool pauses
-    /// for this time. After each further failure, the pause is twice as long, up to 1h
+    /// A failure means that Slurm refuses an allocation, that an allocation fails, or that an allocation ends before one of its
+    /// workers has registered. After 3 failures in a row, the pool pauses for this time. After each further failure, the pause is
+    /// twice as long, up to 1h
     #[arg(long, default_value = "1m", value_name = "TIME", value_parser = time)]
     pub(super) retry_pause: Duration,
     /// Folder for the pool's records, its logs, and the results that the server has not yet received. All compute nodes must have

@@ -22,7 +22,7 @@ const MAX_ENDED: usize = 200;
 const ALL_REGISTER_WITHIN_MS: i64 = 120_000;
 /// A view of the server may lack a worker that registered this long before it.
 const VIEW_DELAY_MS: i64 = 1000;
-/// `pool list` holds the lock for a moment: a pool tries again so often, with a pause after each try.
+/// `pool list` holds the lock for a moment: a pool tries again so often, with a pause after each try. Tests may run on a busy machine.
 const LOCK_TRIES: u32 = if cfg!(test) { 50 } else { 10 };
 const LOCK_PAUSE: Duration = Duration::from_millis(100);
 /// Part of a log that is read: the end.

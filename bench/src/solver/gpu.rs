@@ -119,7 +119,7 @@ impl GpuTimer {
 
 /// Compare a graphics adapter (GPU) with the reference code of the solver (the plain path), step by step
 ///
-/// The plain path is the reference code of the solver on the CPU. The adapter and the plain path compute the same steps, starting
+/// The reference code runs on the CPU. The adapter and the plain path compute the same steps, starting
 /// from fillets at rest. Some adapters round the result of every operation. Their results have the same bits as the results of the
 /// plain path. Other adapters combine two operations into one, with only one rounding. Their results differ from the plain path by
 /// rounding errors, which grow with time. If the difference after the last step is larger than the tolerance, the command fails.

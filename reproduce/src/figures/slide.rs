@@ -127,8 +127,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         Row::new(NAME, "sliding angle at μ = 0.5 with diagonal bonds", "°")
             .replicates(&trussed)
             .note(format!(
-                "with `/bonds/types` 1 and `/bonds/contact_radius_ratio` {TRUSS}, bonds join all sub-particles whose centres are at \
-                 most {} R apart, also along the diagonals of the lattice; diagonal bonds make the fillet stiff, as diagonal bars \
+                "with `/bonds/types` 1 and `/bonds/contact_radius_ratio` {TRUSS}, bonds join all sub-particles whose centres are \
+                 less than {} R apart, also along the diagonals of the lattice; diagonal bonds make the fillet stiff, as diagonal bars \
                  make a frame stiff",
                 2.0 * TRUSS
             ))

@@ -37,8 +37,7 @@ impl Claims {
     /// Name of the user: the chosen claim, else the preferred name, else the subject.
     pub(super) fn user(&self, claim: &str) -> String {
         // Some providers let users choose the other name, so that it may be the address of somebody else.
-        let is_address = |name: &str| name.contains('@') && self.name("email") != Some(name);
-        let other = || self.name(OTHER_NAME).filter(|name| claim != "email" || !is_address(name));
+        let other = || self.name(OTHER_NAME).filter(|name| claim != "email" || !name.contains('@'));
         self.name(claim).or_else(other).unwrap_or(&self.subject).to_owned()
     }
 

@@ -1,7 +1,7 @@
 //! What forecasts know of the farm: workers with their slots, running jobs, lengths of the queues, and measured speed.
 //!
-//! All requests share one view, which is used for 20 times as long as it took, but for 5 s at most: it costs about 5 % of one reader,
-//! whatever the number of requests.
+//! All requests share one view, which is used for 20 times as long as it took, but for 5 s at most. It costs 5 % of one reader, whatever
+//! the number of requests, and more only if it takes more than 0.25 s.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -22,7 +22,7 @@ use crate::store::{OnlineWorker, QueueGroup, RunningJob, StoreError, StoredScena
 
 /// A view is used for this many times the duration of taking it.
 const REUSE: u32 = 20;
-/// Its maximum age, however long it took.
+/// Its maximum age: one that took long must not stay in use for minutes.
 const MAX_AGE: Duration = Duration::from_secs(5);
 /// Queues whose scenarios are sampled, by priority.
 const SAMPLED_QUEUES: usize = 16;

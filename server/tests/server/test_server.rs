@@ -124,7 +124,7 @@ impl TestServer {
 
     /// Waits until a job has a state.
     pub(crate) async fn wait_for(&self, id: &Value, state: &str) -> Value {
-        let deadline = Instant::now() + Duration::from_secs(20);
+        let deadline = Instant::now() + Duration::from_secs(60);
         loop {
             let job = self.job(id).await;
             if job["state"] == state {

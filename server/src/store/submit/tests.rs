@@ -267,8 +267,8 @@ async fn other_writes_wait_for_at_most_one_submission_slice(place: Place) {
             if futures_util::poll!(write.as_mut()).is_pending() {
                 let before = other.writer.commits().count();
                 longest = longest.max((write.await.unwrap() + 1).saturating_sub(before));
+                writes += 1;
             }
-            writes += 1;
         }
         work.await.unwrap();
     };

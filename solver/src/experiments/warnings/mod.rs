@@ -126,7 +126,7 @@ pub(super) const NO_REGIME: WarningKind = kind(
      hopper. The belt capacity is the mass per second that the belt carries out when fillets fill the whole opening under the gate.",
     "If /equipment/parametric is true, set /equipment/belt_speed_m_s to a value above 0. If /equipment/parametric is false, set \
      /equipment/opening_width_m and /equipment/opening_height_m. The list /equipment/surfaces must then also have a belt (a surface with \
-     the motion \"belt\") that extends through the gate plane x = 0. All belts through this plane must have the same speed, and this speed \
+     the motion \"belt\" and the presence \"always\") that extends through the gate plane x = 0. All belts through this plane must have the same speed, and this speed \
      along x must be above 0.",
 );
 
