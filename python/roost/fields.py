@@ -34,8 +34,9 @@ class MeshDigest(TypedDict):
 
 
 class HopperEquipmentSurfacesItem(TypedDict, total=False):
-    """This list has further surfaces, such as parts from a CAD model. The fields are the same as in `/scene/surfaces`
-    of the experiment `scene`."""
+    """This list has your own surfaces, such as parts from a CAD model. If `parametric` is true, Roost adds them to the
+    surfaces that it makes itself. If `parametric` is false, the hopper has only the surfaces of this list. The fields
+    are the same as in `/scene/surfaces` of the experiment `scene`."""
 
     kind: Literal["equipment", "belt", "frictionless"]
     """Kind of the surface, which selects its contact parameters. `equipment`: the parameters of
@@ -453,8 +454,9 @@ class HopperEquipment(TypedDict, total=False):
     """Whether the result has series of the force and the torque on each surface. Each surface adds six series to the
     result. Therefore the size of the result grows with the number of surfaces. Source: numerics. Default: false."""
     surfaces: Sequence[HopperEquipmentSurfacesItem]
-    """This list has further surfaces, such as parts from a CAD model. The fields are the same as in `/scene/surfaces`
-    of the experiment `scene`."""
+    """This list has your own surfaces, such as parts from a CAD model. If `parametric` is true, Roost adds them to the
+    surfaces that it makes itself. If `parametric` is false, the hopper has only the surfaces of this list. The fields
+    are the same as in `/scene/surfaces` of the experiment `scene`."""
     wall_slope_deg: float
     """Angle between the vertical direction and the back wall (the wall at the end of the hopper opposite the gate). If
     the angle is above 0, the hopper widens upwards. Unit: °. Source: assumed. Default: 0.0. Range: ≥ 0 and ≤ 80."""
