@@ -25,6 +25,8 @@ pub(super) struct Known {
     pub(super) copies: BTreeMap<SweepId, Copies>,
     /// Runs at points of clients.
     pub(super) told: u64,
+    /// Jobs without a jam whose simulated time ended before the hopper was empty.
+    pub(super) unfinished: u64,
     pub(super) replicates: Replicates,
     /// The index of each point with jobs.
     indices: BTreeMap<Point, u32>,
@@ -71,6 +73,7 @@ impl Study {
             // No trial is outside the ranges: they only grow.
             let Some(point) = self.point(&|name| trial.factors.get(name)) else { continue };
             known.indices.entry(point.clone()).or_insert(trial.point);
+            known.unfinished += u64::from(is_unfinished(trial));
             let outcome = outcome(trial);
             if outcome != Outcome::Cancelled {
                 seen.insert((point.clone(), trial.seed));
@@ -183,6 +186,12 @@ fn outcome(trial: &TrialRow) -> Outcome {
         JobState::Cancelled => Outcome::Cancelled,
         JobState::Succeeded => Outcome::Responses(numbers(&trial.responses)),
     }
+}
+
+/// Whether a hopper neither jammed nor emptied: it could still have jammed.
+fn is_unfinished(trial: &TrialRow) -> bool {
+    let is = |name: &str, expected: fn(&Value) -> bool| trial.responses.get(name).is_some_and(expected);
+    is("jammed", |jammed| jammed.as_f64() == Some(0.0)) && is("time_to_95_percent_s", Value::is_null)
 }
 
 /// Maximum number of jobs at a point, with new ones.

@@ -16,6 +16,7 @@ use roost_design::{Answer, ExcludedPoint, Finding, Goal, Measure};
 use serde_json::Value;
 
 use super::Study;
+use super::measures::measures;
 use super::trials::Known;
 use super::words::{digits, level, list, measure, range, value};
 
@@ -119,6 +120,7 @@ pub(super) fn answer(study: &Study, answer: &Answer, known: &Known) -> Vec<Strin
     let runs = answer.runs;
     let failed = if runs.failed > 0 { format!("; {} more failed", runs.failed) } else { String::new() };
     sentences.push(format!("{EVIDENCE} {} runs{failed}.", runs.done));
+    sentences.extend(unfinished(study, known));
     sentences.extend(sources::sentences(study, known));
     sentences.extend(growth(study));
     sentences.extend(excluded(study, &answer.excluded));
@@ -149,6 +151,18 @@ pub(crate) fn parts(sentences: &[String]) -> impl Iterator<Item = (&'static str,
             _ => part,
         };
         (part, sentence)
+    })
+}
+
+/// The runs that could still have jammed, if the question is about jams.
+fn unfinished(study: &Study, known: &Known) -> Option<String> {
+    let is_about_jams = measures(&study.question.goal).iter().any(|(_, of)| of.response() == "jammed");
+    (is_about_jams && known.unfinished > 0).then(|| {
+        let runs = if known.unfinished == 1 { "run" } else { "runs" };
+        format!(
+            "{} {runs} without a jam ended before 95 % of the filled mass was out: a later jam does not count. A longer `/numerics/duration_s` would count it.",
+            known.unfinished
+        )
     })
 }
 
