@@ -27,6 +27,8 @@ demo: needs
 test: NEEDS += faketime:faketime
 # The tests of the alerts in deploy/ start a Prometheus of their own; they use no service that the package may start.
 test: NEEDS += promtool:prometheus
+# Many tests wait for processes: with two cores, four at a time end sooner.
+test: export RUST_TEST_THREADS ?= $(shell cores=$$(nproc); echo $$((cores > 4 ? cores : 4)))
 test: needs python-tools
 	cargo test --workspace --no-fail-fast $(TEST)
 

@@ -20,7 +20,7 @@ pub struct Proposal {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Finished {
-    /// The goal's stopping rule is met; runs in flight are not needed any more.
+    /// The goal's stopping rule is met and no run is in flight.
     ByRule,
     /// The budget is spent and no run is in flight.
     ByBudget,

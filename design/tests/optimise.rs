@@ -345,3 +345,37 @@ fn faults_name_field_value_and_allowed_range() {
     document["goal"]["optimise"]["confirmation_runs"] = json!(20);
     assert_eq!(pointers(&document), ["/goal/optimise/confirmation_runs"]);
 }
+
+#[test]
+fn limits_and_objectives_of_one_measure_suit_each_other() {
+    let document = |goal: Value| json!({"factors": factors(2), "goal": {"optimise": goal}, "budget": {"max_runs": 2000}});
+    let limited = |constraints: Value| {
+        document(json!({"objectives": [{"minimise": {"mean": "y"}}], "constraints": constraints}))
+    };
+    let (jam, load) = (json!({"probability": "jammed"}), json!({"mean": "load"}));
+    for (constraints, index, allowed) in [
+        (json!([{"of": jam, "at_most": 0.05}, {"of": jam, "at_least": 0.5}]), 1, "`at_least` below 0.05"),
+        (
+            json!([{"of": jam, "at_least": 0.5}, {"of": load, "at_most": 1}, {"of": jam, "at_most": 0.05}]),
+            2,
+            "`at_most` above 0.5",
+        ),
+        (json!([{"of": load, "at_least": 2.5}, {"of": load, "at_most": 2.5}]), 1, "`at_most` above 2.5"),
+        (
+            json!([{"of": load, "at_most": 2}, {"of": load, "at_most": 3}]),
+            1,
+            "one `at_most` and one `at_least` for each measure",
+        ),
+    ] {
+        let faults = Question::read(&limited(constraints)).unwrap_err();
+        let [fault] = faults.as_slice() else { panic!("{faults:?}") };
+        let at = format!("/goal/optimise/constraints/{index}");
+        assert_eq!((&fault.pointer, fault.allowed.as_str()), (&at, allowed));
+    }
+    let band = json!([{"of": load, "at_least": 1}, {"of": load, "at_most": 2}, {"of": jam, "at_most": 0.05}]);
+    assert!(Question::read(&limited(band)).is_ok());
+    for second in [json!({"maximise": {"mean": "y"}}), json!({"minimise": {"mean": "y"}})] {
+        let goal = json!({"objectives": [{"minimise": {"mean": "y"}}, second]});
+        assert_eq!(pointers(&document(goal)), ["/goal/optimise/objectives/1"]);
+    }
+}

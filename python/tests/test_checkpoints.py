@@ -75,24 +75,26 @@ def test_the_command_continues_after_ctrl_c_in_python(
     assert not (folder / "checkpoint.roost").exists()
 
 
+def interrupted(command: str, file: Path, folder: Path) -> Path | None:
+    """The checkpoint of a run that a signal has stopped; none if the signal came before the first step, or after the last."""
+    saved = folder / "checkpoint.roost"
+    arguments = [command, "run", str(file), "-o", str(folder), "--backend", "cpu", "--threads", "1"]
+    # Only the signal saves.
+    with start([*arguments, "--checkpoint-every", "1h"], file.parent) as process:
+        assert process.stderr is not None
+        while "sub-particles, at most" not in process.stderr.readline():
+            assert process.poll() is None
+        time.sleep(0.5)
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60)
+    return saved if saved.exists() and process.returncode != 0 else None
+
+
 def test_python_continues_after_ctrl_c_in_the_command(undisturbed: Fields, command: str, tmp_path: Path) -> None:
     file = tmp_path / "scenario.json"
     file.write_text(json.dumps(LONG))
-    # A busy machine may send the signal before the first step, or after the last.
-    for attempt in range(5):
-        saved = tmp_path / f"out {attempt}" / "checkpoint.roost"
-        arguments = [command, "run", str(file), "-o", str(saved.parent), "--backend", "cpu", "--threads", "1"]
-        # Only the signal saves.
-        with start([*arguments, "--checkpoint-every", "1h"], tmp_path) as process:
-            assert process.stderr is not None
-            while "sub-particles, at most" not in process.stderr.readline():
-                assert process.poll() is None
-            time.sleep(0.5)
-            process.send_signal(signal.SIGINT)
-            process.communicate(timeout=60)
-        if saved.exists():
-            break
-    assert saved.exists() and process.returncode != 0
+    # A busy machine may miss the run.
+    saved = next(filter(None, (interrupted(command, file, tmp_path / f"out {attempt}") for attempt in range(5))))
     seen: list[roost.Progress] = []
     result = roost.run(file, threads=1, checkpoint=saved, progress=seen.append)
     assert physics(result.document) == undisturbed

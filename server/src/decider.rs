@@ -35,9 +35,6 @@ pub(crate) async fn run(app: App) {
 }
 
 async fn decide_always(app: &App) {
-    if let Err(error) = cancel_all_rest(app).await {
-        tracing::error!(error = error.as_dyn(), "cancelling the last runs of finished studies failed");
-    }
     let (mut seen, mut busy) = (HashMap::new(), HashSet::new());
     let places = Semaphore::new(AT_ONCE);
     let mut decisions = FuturesUnordered::new();
@@ -73,14 +70,6 @@ async fn running_studies(app: &App) -> Result<Vec<SweepId>, StoreError> {
     app.store.running_studies().await
 }
 
-/// Cancels what an earlier server process had no time to cancel.
-async fn cancel_all_rest(app: &App) -> Result<(), StoreError> {
-    for id in app.store.finished_with_jobs().await? {
-        cancel_rest(app, id).await?;
-    }
-    Ok(())
-}
-
 /// What a decision depends on: it is made again when this has changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Tally {
@@ -88,7 +77,7 @@ struct Tally {
     /// Queued jobs that are not paused.
     waiting: u64,
     max_runs: u32,
-    /// Changes of its ranges and of its runs that are no jobs.
+    /// Changes of its ranges and of its runs that are no jobs, and retries of its jobs.
     news: i64,
     driver: Driver,
 }
@@ -168,7 +157,6 @@ async fn decide(
     }
     if is_stored && let Some(end) = finished {
         tracing::info!(study = %id, %end, "a study is finished");
-        cancel_rest(app, id).await?;
     }
     Ok(is_stored.then_some(tally))
 }
@@ -181,12 +169,4 @@ fn first_of(faults: &[roost_api::Fault]) -> String {
 pub(crate) async fn pause(app: &App, id: SweepId, reason: &str) -> Result<(), StoreError> {
     tracing::error!(study = %id, reason, "a study cannot go on and is paused");
     app.store.change_study(id, &[StudyState::Running], StudyState::Paused, Some(reason.to_owned())).await
-}
-
-/// Cancels the jobs of a finished study that nobody needs any more.
-pub(crate) async fn cancel_rest(app: &App, id: SweepId) -> Result<(), StoreError> {
-    if let Err(refusal) = app.store.cancel_jobs(id, app.clock.now()).await? {
-        tracing::warn!(study = %id, %refusal, "the last runs of a study were not cancelled");
-    }
-    Ok(())
 }

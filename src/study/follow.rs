@@ -11,9 +11,6 @@ use tokio_util::sync::CancellationToken;
 use super::show;
 use crate::{target, watch};
 
-/// Looks at a study that has just ended, while its last runs are cancelled.
-const SETTLE: u32 = 10;
-
 /// Show the progress of a study until its end, and print its answer
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
@@ -35,21 +32,13 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
 pub(super) async fn follow(client: &Client, id: SweepId, shutdown: &CancellationToken) -> Result<StudyView> {
     let mut bar = Bar::new("study");
     let mut forecasts = watch::Forecasts::default();
-    let mut patience = 0;
     loop {
         let study = watch::retrying(|| client.study(id), shutdown).await?;
         let fraction = fraction(&study);
         if matches!(study.state, StudyState::Finished | StudyState::Cancelled) {
-            // The rest is cancelled a moment after the end, and its workers hear of it with their next heartbeats.
-            if study.runs.pending > 0 && patience > 0 {
-                patience -= 1;
-                watch::pause(shutdown).await?;
-                continue;
-            }
             bar.finish(fraction, &show::runs(&study));
             return Ok(study);
         }
-        patience = SETTLE;
         let ends = forecasts.next(|| client.study_forecast(id)).await;
         bar.update(fraction, &progress(&study, ends));
         watch::pause(shutdown).await?;

@@ -63,15 +63,16 @@ pub(crate) fn decide(question: &Question, evidence: &Evidence, wanted: usize, se
         Goal::Calibrate(goal) => calibrate::decide(goal, &study),
     };
     course.proposals.truncate(study.room);
-    let is_idle = evidence.pending() == 0;
-    let finished = if course.is_met {
-        Some(Finished::ByRule)
-    } else if (left == 0 || course.is_spent) && is_idle {
-        Some(Finished::ByBudget)
-    } else if study.room > 0 && course.proposals.is_empty() && is_idle {
-        Some(Finished::NothingLeft)
-    } else {
-        None
+    if course.is_met {
+        course.proposals.clear();
+    }
+    // Runs with some outcomes end earlier than others: only all the runs that have begun are a fair sample.
+    let finished = match () {
+        () if evidence.pending() > 0 => None,
+        () if course.is_met => Some(Finished::ByRule),
+        () if left == 0 || course.is_spent => Some(Finished::ByBudget),
+        () if study.room > 0 && course.proposals.is_empty() => Some(Finished::NothingLeft),
+        () => None,
     };
     if finished.is_some() {
         course.proposals.clear();

@@ -51,6 +51,54 @@ fn points_are_replicated_until_their_intervals_are_narrow() {
     assert!(evidence(25).finished.is_none(), "replicates of a batch at most are more than needed");
 }
 
+/// Plays a study whose jams end early: each of `workers` workers runs the oldest proposal for 2 units of time if it jams, for 6 otherwise,
+/// and the study decides after every end. Returns whether its interval holds the share of jams.
+fn holds_where_jams_end_early(jams: f64, workers: usize, seed: u64) -> bool {
+    let document = json!({
+        "factors": [{ "name": "gate", "low": 0.0, "high": 10.0 }],
+        "goal": { "estimate": { "points": [[2.0]], "intervals": [{ "of": { "probability": "jammed" }, "width": 0.3 }] } },
+        "budget": { "max_runs": 10_000 },
+    });
+    let question = Question::read(&document).unwrap();
+    let mut random = Random(seed);
+    let mut runs: Vec<Run> = Vec::new();
+    // Ends of the runs that workers have, with their index and their value.
+    let mut busy: Vec<(u32, usize, f64)> = Vec::new();
+    let (mut now, mut begun) = (0, 0);
+    loop {
+        let waiting = runs.len() - begun;
+        let wanted = workers.saturating_sub(waiting);
+        let decision = decide(&question, &Evidence::new(runs.iter().cloned()), wanted, seed);
+        if decision.finished.is_some() {
+            let found = points(&decision)[0].measures[0].estimated.unwrap();
+            return found.low.unwrap() <= jams && jams <= found.high.unwrap();
+        }
+        runs.extend(decision.proposals.into_iter().map(|Proposal { point, replicate }| Run {
+            point,
+            replicate,
+            outcome: Outcome::Pending,
+        }));
+        while busy.len() < workers && begun < runs.len() {
+            let is_jam = random.uniform() < jams;
+            busy.push((now + if is_jam { 2 } else { 6 }, begun, f64::from(u8::from(is_jam))));
+            begun += 1;
+        }
+        busy.sort_by_key(|(end, index, _)| std::cmp::Reverse((*end, *index)));
+        let (end, index, value) = busy.pop().expect("an unfinished study has runs in flight");
+        now = end;
+        let proposal = Proposal { point: runs[index].point.clone(), replicate: runs[index].replicate };
+        runs[index] = run(&proposal, "jammed", value);
+    }
+}
+
+#[test]
+fn intervals_hold_where_runs_with_one_outcome_end_early() {
+    for (jams, workers) in [(0.5, 64), (0.2, 64), (0.5, 8)] {
+        let held = (0..200).filter(|seed| holds_where_jams_end_early(jams, workers, *seed)).count();
+        assert!(held >= 190, "{held} of 200 with {workers} workers at {jams}");
+    }
+}
+
 #[test]
 fn the_budget_ends_a_study_when_nothing_is_in_flight() {
     let question = question(30, 0.01);

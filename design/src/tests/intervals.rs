@@ -95,30 +95,39 @@ fn forecast_is_the_first_number_of_values_with_a_narrow_interval() {
 fn stopping_by_width_keeps_the_coverage_of_mean_intervals() {
     for (name, least, draw) in DISTRIBUTIONS {
         for width in [2.0, 1.0, 0.5, 0.25] {
-            let mut held = 0;
-            let mut runs = 0;
+            let (mut at_end, mut always, mut runs) = (0_u32, 0_u32, 0);
             for repetition in 0..2000 {
                 let mut random = Random(repetition);
                 let mut values: Vec<f64> = Vec::new();
                 let measure = Measure::Mean("y".to_owned());
-                let (low, high) = loop {
+                let mut all_hold = true;
+                let holds = loop {
                     values.push(draw(&mut random));
                     // Looking costs the square of the number of values: of many, at every tenth.
                     if values.len() > 100 && !values.len().is_multiple_of(10) {
                         continue;
                     }
                     let found = Estimated::of(&measure, &values).unwrap();
+                    let holds =
+                        found.low.is_none_or(|low| low <= 0.0) && found.high.is_none_or(|high| high >= 0.0);
+                    all_hold &= holds;
                     if found.width().is_some_and(|found| found <= width) {
-                        break (found.low.unwrap(), found.high.unwrap());
+                        break holds;
                     }
                 };
-                held += usize::from(low <= 0.0 && high >= 0.0);
-                let n = values.len();
-                runs += n;
+                at_end += u32::from(holds);
+                always += u32::from(all_hold);
+                runs += values.len();
             }
-            let held = held as f64 / 2000.0;
-            println!("{name}, width {width}: {held} with {} runs", runs / 2000);
-            assert!(held >= least, "{name}, width {width}: {held}");
+            let [at_end, always] = [at_end, always].map(|held| f64::from(held) / 2000.0);
+            println!(
+                "{name}, width {width}: {at_end} at the end, {always} at all looks, with {} runs",
+                runs / 2000
+            );
+            assert!(at_end >= least, "{name}, width {width}: {at_end}");
+            // The correction for skewness is too small for so many looks at so skewed a response.
+            let least = if name == "lognormal" { 0.91 } else { 0.95 };
+            assert!(always >= least, "{name}, width {width}: {always} at all looks");
         }
     }
 }

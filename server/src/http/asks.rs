@@ -15,7 +15,7 @@ use super::extract::{Document, Segments};
 use super::problem::{ApiError, ProblemKind};
 use super::studies::{cancelled, stored, view_of};
 use super::submissions::Reserved;
-use crate::decider::{cancel_rest, pause};
+use crate::decider::pause;
 use crate::document::{fault, read_leniently, with_content_faults};
 use crate::state::App;
 use crate::store::{AskedRuns, Conflict, HandedOutRun, MAX_PROPOSALS, StoredStudy};
@@ -149,13 +149,10 @@ async fn ask_once(
     if decided.finished.is_some() && !decided.trials.is_empty() {
         return Err(ApiError::new(ProblemKind::WrongState, HAS_ANSWER));
     }
-    let (now, is_finished) = (app.clock.now(), decided.finished.is_some());
+    let now = app.clock.now();
     let asked = AskedRuns { request, runs, expires_at: now.plus_ms(expires_ms) };
     let made = app.store.store_decision(stored, &study.sweep_spec(), decided, asked, now).await?;
     let Some(made) = made else { return Ok(None) };
-    if is_finished {
-        cancel_rest(app, id).await?;
-    }
     if !made.jobs.is_empty() {
         app.work.notify_waiters();
     }

@@ -57,11 +57,7 @@ impl Store {
     }
 
     /// Cancels the jobs of a sweep that have not ended, in slices: other writes wait for one of them at most.
-    pub(crate) async fn cancel_jobs(
-        &self,
-        id: SweepId,
-        now: Timestamp,
-    ) -> Result<Result<(), Refusal>, StoreError> {
+    async fn cancel_jobs(&self, id: SweepId, now: Timestamp) -> Result<Result<(), Refusal>, StoreError> {
         loop {
             let slice = self.writer.write(move |tx| {
                 Box::pin(async move {
@@ -288,10 +284,10 @@ async fn requeue(
               FROM jobs WHERE seq IN (SELECT CAST(atom AS BIGINT) FROM json_each(?))) AS again
         WHERE jobs.seq = again.seq";
     let again = to_json("jobs", &again)?;
-    // A study that had ended awaits the results of its jobs.
-    let study = "UPDATE studies SET state = 'running', finished = NULL, changes = changes + 1
-                 WHERE state IN ('finished', 'cancelled')
-                     AND sweep_id IN (SELECT sweep_id FROM jobs WHERE seq IN (SELECT CAST(atom AS BIGINT) FROM json_each(?)))";
+    // A study that had ended awaits the results of its jobs. A decision that is being made takes them for ended: the news refuse it.
+    let study = "UPDATE studies SET news = news + 1, changes = changes + 1, finished = NULL,
+                     state = CASE WHEN state IN ('finished', 'cancelled') THEN 'running' ELSE state END
+                 WHERE sweep_id IN (SELECT sweep_id FROM jobs WHERE seq IN (SELECT CAST(atom AS BIGINT) FROM json_each(?)))";
     query(study).bind(&again).execute(&mut *tx).await?;
     let queued = query(sql).bind(before as i64).bind(&again).execute(&mut *tx).await?;
     Ok(queued.rows_affected())

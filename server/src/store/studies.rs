@@ -52,7 +52,7 @@ pub(crate) struct StoredStudy {
     ranges: Option<Ranges>,
     /// Number of attempts at a confirmation before the ranges grew.
     past_attempts: u32,
-    /// Number of changes of its ranges and observations.
+    /// Number of changes of its ranges and observations, and of retries of its jobs.
     pub(crate) news: i64,
     /// Who runs its proposals.
     pub(crate) driver: Driver,
@@ -282,14 +282,6 @@ impl Store {
                 })
             })
             .await
-    }
-
-    /// Finished studies with jobs that nobody needs any more: the server ended before it had cancelled them.
-    pub(crate) async fn finished_with_jobs(&self) -> Result<Vec<SweepId>, StoreError> {
-        let sql = "SELECT sweep_id FROM studies WHERE state = 'finished' AND EXISTS
-                       (SELECT 1 FROM jobs WHERE jobs.sweep_id = studies.sweep_id AND state IN ('queued', 'running'))";
-        let rows = query(sql).fetch_all(&self.readers).await?;
-        rows.iter().map(|row| row.parsed("sweep_id")).collect()
     }
 
     /// Raises the budget of a study. A finished study goes on. Returns false, and changes nothing, when the budget would not grow or

@@ -18,6 +18,7 @@ mod postgres;
 mod projects;
 mod query_plans;
 mod sessions;
+mod studies;
 mod waits;
 
 async fn store() -> (Store, tempfile::TempDir) {

@@ -8,10 +8,11 @@ use roost_design::{Goal, Question};
 use roost_solver::mesh::Meshes;
 use roost_solver::scenario::field::FieldKind;
 use roost_solver::scenario::{self, fields};
+use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::{Present, Study, calibration, measures, ranges};
-use crate::document::{fault, read_leniently};
+use crate::document::{fault, is_within, read_leniently};
 use crate::measurements::Lab;
 use crate::sweep::{self, Expansion, Points, Posterior, SweepLimits, is_whole};
 
@@ -56,12 +57,11 @@ pub(crate) fn read(
     }
     let question =
         question(&spec, lab.as_ref(), spec.budget.max_runs).map_err(|found| faults.extend(found)).ok();
-    check_seeding(&spec, question.as_ref(), &mut faults);
-    if let Some(question) = &question
-        && lab.is_none()
-        && let Ok(base) = scenario::from_value(&spec.base)
-    {
-        measures::check(&question.goal, &base.experiment, &mut faults);
+    // Read apart from the question, whose other faults would hide those of its responses and sweeps.
+    let goal = Goal::deserialize(&spec.goal).ok();
+    check_seeding(&spec, goal.as_ref(), &mut faults);
+    if let Some(goal) = &goal {
+        check_measures(goal, &spec.base, &mut faults);
     }
     if spec.factors.is_empty() {
         return Err(faults);
@@ -225,9 +225,8 @@ fn check_factors(spec: &StudySpec, faults: &mut Vec<Fault>) {
 }
 
 /// Checks the list of sweeps that a study begins with.
-fn check_seeding(spec: &StudySpec, question: Option<&Question>, faults: &mut Vec<Fault>) {
-    let is_sensitivity = matches!(question.map(|question| &question.goal), Some(Goal::Sensitivity(_)));
-    if is_sensitivity && !spec.seeded_by.is_empty() {
+fn check_seeding(spec: &StudySpec, goal: Option<&Goal>, faults: &mut Vec<Fault>) {
+    if matches!(goal, Some(Goal::Sensitivity(_))) && !spec.seeded_by.is_empty() {
         let detail = "a sensitivity rests on the points of its own design, which no sweep has";
         faults.push(fault("/seeded_by", json!(spec.seeded_by), detail, "no sweeps, or another goal"));
     }
@@ -241,6 +240,18 @@ fn check_seeding(spec: &StudySpec, question: Option<&Question>, faults: &mut Vec
             faults.push(fault(&at, json!(sweep), "the sweep is listed twice", "each sweep once"));
         }
     }
+}
+
+/// Checks the responses of the goal, where the base has no fault.
+fn check_measures(goal: &Goal, base: &Value, faults: &mut Vec<Fault>) {
+    let Ok(base) = scenario::from_value(base) else { return };
+    let mut found = Vec::new();
+    measures::check(goal, &base.experiment, &mut found);
+    // The question has listed a response without a name.
+    let is_listed =
+        |new: &Fault| new.value == "" && faults.iter().any(|known| is_within(&new.pointer, &known.pointer));
+    found.retain(|new| !is_listed(new));
+    faults.append(&mut found);
 }
 
 /// The values of a factor at the corners of the range: both ends, or every level.

@@ -4,7 +4,8 @@
 //! present revision of the solver. Values outside a range are copied too, since ranges grow. Levels that a factor lacks are not: lists of
 //! levels never grow. A copy survives the deletion of its sweep.
 
-use std::collections::{BTreeMap, BTreeSet, HashSet};
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 
 use roost_api::ids::SweepId;
 use roost_api::study::SeedingSweep;
@@ -30,14 +31,30 @@ pub(crate) struct SweepRun {
     pub(crate) responses: Map<String, Value>,
 }
 
-/// Runs that were copied before, by the text of their values and by seed.
+/// Runs that were copied before, from all sweeps of a study: for each seed the points, as the texts of their values, and the sweep of each.
 #[derive(Debug, Default)]
-pub(crate) struct Copied(HashSet<(Vec<String>, u64)>);
+pub(crate) struct Copied(BTreeMap<u64, BTreeMap<Vec<String>, SweepId>>);
+
+impl Copied {
+    /// Notes a run. Returns whether it is new.
+    fn insert(&mut self, seed: u64, texts: Vec<String>, sweep: SweepId) -> bool {
+        let Entry::Vacant(place) = self.0.entry(seed).or_default().entry(texts) else { return false };
+        place.insert(sweep);
+        true
+    }
+
+    /// The sweeps with a run whose seed occurs at another point, of the same sweep or of another one.
+    fn sharing_seeds(&self) -> BTreeSet<SweepId> {
+        let shared = self.0.values().filter(|points| points.len() > 1);
+        shared.flat_map(|points| points.values().copied()).collect()
+    }
+}
 
 impl Study {
-    /// Copies the finished runs of a sweep, which has `without_result` others.
+    /// Copies the finished runs of a sweep, which has `without_result` others. Sweeps that came before are marked too, when this one has
+    /// their seeds at other points.
     pub(crate) fn copy(
-        &self,
+        &mut self,
         (sweep, name, without_result): (SweepId, String, u64),
         runs: &[SweepRun],
         copied: &mut Copied,
@@ -56,7 +73,6 @@ impl Study {
             shares_seeds: false,
         };
         let mut observations = Vec::new();
-        let mut points_by_seed: BTreeMap<u64, BTreeSet<Vec<String>>> = BTreeMap::new();
         for run in runs {
             let (levels, seed) = match self.levels_of(&run.scenario) {
                 Ok(found) => found,
@@ -75,13 +91,11 @@ impl Study {
                 counts.other_revisions += 1;
                 continue;
             }
-            let texts: Vec<String> = levels.values().map(Value::to_string).collect();
-            if !copied.0.insert((texts.clone(), seed)) {
+            if !copied.insert(seed, levels.values().map(Value::to_string).collect(), sweep) {
                 counts.repeated += 1;
                 continue;
             }
             counts.copied += 1;
-            points_by_seed.entry(seed).or_default().insert(texts);
             observations.push(Observation {
                 source: Source::Sweep(sweep),
                 levels,
@@ -90,7 +104,10 @@ impl Study {
                 outcome: Outcome::Responses(numbers(&run.responses)),
             });
         }
-        counts.shares_seeds = points_by_seed.values().any(|points| points.len() > 1);
+        let sharing = copied.sharing_seeds();
+        for seeding in self.seeding.iter_mut().chain([&mut counts]) {
+            seeding.shares_seeds |= sharing.contains(&seeding.sweep);
+        }
         (counts, observations)
     }
 

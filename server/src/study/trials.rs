@@ -25,7 +25,7 @@ pub(super) struct Known {
     pub(super) copies: BTreeMap<SweepId, Copies>,
     /// Runs at points of clients.
     pub(super) told: u64,
-    /// Jobs without a jam whose simulated time ended before the hopper was empty.
+    /// Runs without a jam whose simulated time ended while product was left.
     pub(super) unfinished: u64,
     pub(super) replicates: Replicates,
     /// The index of each point with jobs.
@@ -73,8 +73,8 @@ impl Study {
             // No trial is outside the ranges: they only grow.
             let Some(point) = self.point(&|name| trial.factors.get(name)) else { continue };
             known.indices.entry(point.clone()).or_insert(trial.point);
-            known.unfinished += u64::from(is_unfinished(trial));
             let outcome = outcome(trial);
+            known.unfinished += u64::from(is_unfinished(&outcome));
             if outcome != Outcome::Cancelled {
                 seen.insert((point.clone(), trial.seed));
             }
@@ -102,6 +102,7 @@ impl Study {
             // Only a sweep has runs outside the ranges.
             let Some(point) = point else { continue };
             free += usize::from(observation.is_free());
+            known.unfinished += u64::from(is_unfinished(&observation.outcome));
             let replicate = known.replicates.take(&point, self.replicate(observation.replicate));
             runs.push(Run { point, replicate, outcome: observation.outcome.clone() });
         }
@@ -188,10 +189,12 @@ fn outcome(trial: &TrialRow) -> Outcome {
     }
 }
 
-/// Whether a hopper neither jammed nor emptied: it could still have jammed.
-fn is_unfinished(trial: &TrialRow) -> bool {
-    let is = |name: &str, expected: fn(&Value) -> bool| trial.responses.get(name).is_some_and(expected);
-    is("jammed", |jammed| jammed.as_f64() == Some(0.0)) && is("time_to_95_percent_s", Value::is_null)
+/// Whether a hopper did not jam but still could: at least 5 % of the filled mass was inside at the end, as in the definition of a jam.
+fn is_unfinished(outcome: &Outcome) -> bool {
+    let Outcome::Responses(responses) = outcome else { return false };
+    let [jammed, inside_kg, filled_kg] =
+        ["jammed", "inside_kg", "filled_kg"].map(|name| responses.get(name).copied().unwrap_or(f64::NAN));
+    jammed == 0.0 && inside_kg >= 0.05 * filled_kg
 }
 
 /// Maximum number of jobs at a point, with new ones.

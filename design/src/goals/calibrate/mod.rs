@@ -166,7 +166,8 @@ pub(super) fn decide(goal: &Calibrate, study: &Study<'_>) -> Course {
         Vec::new()
     };
     let is_met = is_certain && unknown.is_empty();
-    let is_spent = study.evidence.pending() == 0 && study.evidence.spent() >= study.question.budget.max_runs;
+    let is_last =
+        study.evidence.pending() == 0 && (is_met || study.evidence.spent() >= study.question.budget.max_runs);
     let proposals = match () {
         () if study.room == 0 || is_met => Vec::new(),
         () if is_certain => unknown,
@@ -174,9 +175,7 @@ pub(super) fn decide(goal: &Calibrate, study: &Study<'_>) -> Course {
         () if first.is_empty() => acquisition::proposals(study, &setup, density, &samples),
         () => first,
     };
-    if (is_met || is_spent)
-        && let Some(thorough) = sample(sampler::THOROUGH)
-    {
+    if is_last && let Some(thorough) = sample(sampler::THOROUGH) {
         samples = thorough;
         answer = CalibrateAnswer::of(goal, &setup, density, &samples, &by_test, true);
     }

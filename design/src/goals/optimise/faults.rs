@@ -6,7 +6,7 @@ use crate::fault::{Fault, fault};
 use crate::question::{Budget, Measure};
 
 impl Constraint {
-    fn faults(&self, at: &str, faults: &mut Vec<Fault>) {
+    fn faults(&self, at: &str, earlier: &[Self], faults: &mut Vec<Fault>) {
         self.of.faults(&format!("{at}/of"), faults);
         if self.at_most.is_some() == self.at_least.is_some() {
             faults.push(fault(at, self, "not one limit", "either `at_most` or `at_least`"));
@@ -17,6 +17,30 @@ impl Constraint {
                 let at = format!("{at}/{name}");
                 faults.push(fault(&at, limit, "no runs could certify it", "from 0.001 to 0.999"));
             }
+        }
+        let mut of_measure = earlier.iter().filter(|other| other.of == self.of);
+        if let Some((detail, allowed)) = of_measure.find_map(|other| self.conflict(other)) {
+            faults.push(fault(at, self, detail, &allowed));
+        }
+    }
+
+    /// Why the limit cannot stand beside an earlier one of the same measure, and what could.
+    fn conflict(&self, earlier: &Self) -> Option<(&'static str, String)> {
+        // Equal limits as well: the interval of a measure does not fit between them.
+        let crossed = "no runs could certify it and an earlier limit of the same measure";
+        match ((self.at_most, self.at_least), (earlier.at_most, earlier.at_least)) {
+            ((Some(most), None), (None, Some(least))) if least >= most => {
+                Some((crossed, format!("`at_most` above {least}")))
+            }
+            ((None, Some(least)), (Some(most), None)) if least >= most => {
+                Some((crossed, format!("`at_least` below {most}")))
+            }
+            ((Some(_), None), (Some(_), None)) | ((None, Some(_)), (None, Some(_))) => {
+                let detail = "an earlier constraint has a limit of this kind for the same measure";
+                Some((detail, "one `at_most` and one `at_least` for each measure".to_owned()))
+            }
+            // Without one limit it has another fault.
+            _ => None,
         }
     }
 }
@@ -31,9 +55,14 @@ impl Optimise {
         for (index, objective) in self.objectives.iter().enumerate() {
             let name = if objective.sign() > 0.0 { "minimise" } else { "maximise" };
             objective.measure().faults(&format!("{at}/objectives/{index}/{name}"), faults);
+            if self.objectives[..index].iter().any(|other| other.measure() == objective.measure()) {
+                let at = format!("{at}/objectives/{index}");
+                let detail = "an earlier objective has this measure";
+                faults.push(fault(&at, objective, detail, "different measures"));
+            }
         }
         for (index, constraint) in self.constraints.iter().enumerate() {
-            constraint.faults(&format!("{at}/constraints/{index}"), faults);
+            constraint.faults(&format!("{at}/constraints/{index}"), &self.constraints[..index], faults);
         }
         if !(self.tolerance > 0.0 && self.tolerance < 1.0) {
             let at = format!("{at}/tolerance");

@@ -118,7 +118,7 @@ pub struct OptimiseAnswer {
     /// The point without a confirmation that would most probably pass one, when none is worth it.
     #[serde(default)]
     pub nearest: Option<Recommendation>,
-    /// Number of attempts at a confirmation. All of them together are wrong about a recommended point with at most 5 %.
+    /// Number of attempts at a confirmation. After all of them, each recommended point is wrong with a probability of at most 5 %.
     pub attempts: u32,
     /// Expected improvement of the best next run, in the unit of the tolerance; none outside the search.
     pub expected_improvement: Option<f64>,

@@ -137,6 +137,12 @@ fn a_latin_hypercube_needs_more_runs() {
         }
         println!("design | wrong side | runs of a hypercube for the same share, with a 95 % interval");
         println!("study | {}", shares.describe(HYPERCUBES.len()));
+        let [hypercube, study] = [0, HYPERCUBES.len()].map(|column| shares.mean(column, &all));
+        assert!(
+            study < hypercube,
+            "{}: {study}, and {hypercube} with a hypercube of as many runs",
+            truth.name
+        );
         for (index, design) in designs.iter().enumerate() {
             println!("{design:?} | {}", shares.describe(HYPERCUBES.len() + 1 + index));
         }
@@ -164,6 +170,7 @@ fn a_latin_hypercube_needs_more_runs_than_the_best_design() {
             play(&question, ("y", 20, repetition), |x| truth.draw(x, &mut random)).0
         });
         let shares = [study, known.expected(&known.runs(truth, &mut Random(1))), known.least];
+        assert!(shares[..2].iter().all(|share| *share >= known.least), "{}: {shares:?}", truth.name);
         println!(
             "{} | {} | {} | {}",
             truth.name,

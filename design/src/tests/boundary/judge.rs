@@ -52,10 +52,13 @@ fn band_holds_the_true_boundary() {
     let repetitions =
         std::env::var("ROOST_REPETITIONS").ok().and_then(|text| text.parse().ok()).unwrap_or(200);
     let only = std::env::var("ROOST_TRUTH").unwrap_or_default();
+    // Another budget, and another rule that ends a study.
+    let max_runs = std::env::var("ROOST_RUNS").ok().and_then(|text| text.parse().ok()).unwrap_or(600);
+    let share = std::env::var("ROOST_SHARE").ok().and_then(|text| text.parse().ok()).unwrap_or(0.02);
     println!("truth | band holds | runs | points | wrong side | band | by rule");
     let mut missed = Vec::new();
     for truth in TRUTHS.iter().filter(|truth| truth.name.contains(&only)) {
-        let figures = repeat(truth, repetitions, (600, 0.02));
+        let figures = repeat(truth, repetitions, (max_runs, share));
         if (figures.held as f64) < 0.93 * repetitions as f64 {
             missed.push(truth.name);
         }

@@ -160,7 +160,7 @@ fn unfinished(study: &Study, known: &Known) -> Option<String> {
     (is_about_jams && known.unfinished > 0).then(|| {
         let runs = if known.unfinished == 1 { "run" } else { "runs" };
         format!(
-            "{} {runs} without a jam ended before 95 % of the filled mass was out: a later jam does not count. A longer `/numerics/duration_s` would count it.",
+            "{} {runs} without a jam ended with at least 5 % of the filled mass inside: a later jam does not count. A longer `/numerics/duration_s` would count it.",
             known.unfinished
         )
     })

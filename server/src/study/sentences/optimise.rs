@@ -43,8 +43,14 @@ pub(super) fn sentences(study: &Study, finding: &OptimiseAnswer) -> Vec<String> 
         ));
     }
     if finding.attempts > 1 {
+        // The points of a front are claims of their own.
+        let wrong = if finding.recommended.len() > 1 {
+            "each recommended point is wrong"
+        } else {
+            "the recommended point is wrong"
+        };
         sentences.push(format!(
-            "The {} attempts at a confirmation together recommend a wrong point with a probability of at most 5 %.",
+            "After {} attempts at a confirmation, {wrong} with a probability of at most 5 %.",
             finding.attempts
         ));
     }

@@ -117,6 +117,23 @@ fn every_level_is_checked_with_the_rules_of_the_scenario() {
     );
 }
 
+#[test]
+fn responses_and_sweeps_are_checked_whatever_else_is_wrong() {
+    let pointers = |document: Value| -> Vec<String> {
+        read_faults(document).into_iter().map(|(pointer, _)| pointer).collect()
+    };
+    let boundary =
+        |response: &str| mixed(json!({"boundary": {"of": {"probability": response}, "level": 1.5}}));
+    let expected = ["/factors/1/levels", "/goal/boundary/level", "/goal/boundary/of/probability"];
+    assert_eq!(pointers(boundary("jamed")), expected);
+    let expected = ["/goal/boundary/of", "/factors/1/levels", "/goal/boundary/level"];
+    assert_eq!(pointers(boundary("")), expected, "a missing name is one fault");
+    let mut document = document(json!({"sensitivity": {"of": [{"mean": "rate"}], "width": 0}}));
+    document["budget"] = json!({"max_runs": 1000});
+    document["seeded_by"] = json!(["00000000-0000-7000-8000-000000000001"]);
+    assert_eq!(pointers(document), ["/goal/sensitivity/width", "/seeded_by", "/goal/sensitivity/of/0/mean"]);
+}
+
 /// The gate of a CAD hopper is a plate: a factor lifts it, together with the declared opening.
 #[test]
 fn a_part_of_a_list_has_a_range() {

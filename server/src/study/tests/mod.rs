@@ -3,6 +3,7 @@
 mod calibration;
 mod factors;
 mod impossible;
+mod seeding;
 
 use std::collections::BTreeSet;
 
@@ -168,31 +169,29 @@ fn questions_and_answers_are_sentences() {
 fn runs_that_could_still_have_jammed_are_counted() {
     let study = study(boundary());
     let mut rows = trials(&study, &[], 12, JobState::Succeeded, &|gate| u8::from(gate < 0.05));
-    let unfinished = "without a jam ended before 95 % of the filled mass was out";
+    let unfinished = "without a jam ended with at least 5 % of the filled mass inside";
     let stated = |study: &Study, rows: &[TrialRow]| {
         let sentences = study.decide(rows, &[], 0).unwrap().sentences;
         sentences.into_iter().find(|sentence| sentence.contains(unfinished))
     };
-    let time =
-        |row: &mut TrialRow, time: Value| row.responses.insert("time_to_95_percent_s".to_owned(), time);
+    let end_with = |row: &mut TrialRow, inside_kg: f64| {
+        row.responses.insert("inside_kg".to_owned(), json!(inside_kg));
+        row.responses.insert("filled_kg".to_owned(), json!(1.0));
+    };
     // Neither those that jammed nor those that emptied.
-    for row in &mut rows {
-        time(row, json!(null));
-    }
+    rows.iter_mut().for_each(|row| end_with(row, 0.05));
     let open = rows.iter().filter(|row| row.responses["jammed"] == 0).count();
     assert!((2..rows.len()).contains(&open), "{open} of {}", rows.len());
     let sentence = stated(&study, &rows).expect("a sentence");
     assert!(sentence.starts_with(&format!("{open} runs {unfinished}")), "{sentence}");
-    for row in &mut rows {
-        time(row, json!(4.2));
-    }
+    rows.iter_mut().for_each(|row| end_with(row, 0.049));
     assert_eq!(stated(&study, &rows), None);
     // A question about something else is not concerned.
     let rate = self::study(
         json!({"boundary": {"of": {"mean": "mean_rate_kg_s"}, "level": 2.0, "misclassified": 0.1}}),
     );
     for row in &mut rows {
-        time(row, json!(null));
+        end_with(row, 0.5);
         row.responses.insert("mean_rate_kg_s".to_owned(), json!(2.5));
     }
     assert_eq!(stated(&rate, &rows), None);
