@@ -34,6 +34,8 @@ pub enum Finished {
 pub struct Decision {
     /// Runs that come next, the most useful first.
     pub proposals: Vec<Proposal>,
+    /// Whether the goal's stopping rule is met. The study then only waits for runs in flight, which may change this.
+    pub is_met: bool,
     /// Why the study is finished; none while it goes on.
     pub finished: Option<Finished>,
     /// The answer so far.

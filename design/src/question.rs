@@ -133,7 +133,20 @@ impl Question {
 
     /// Reads a question. Refuses a document of another form, or with faults, and names every fault that can be found.
     pub fn read(document: &Value) -> Result<Self, Vec<Fault>> {
-        let question: Self = serde_path_to_error::deserialize(document).map_err(|error| {
+        let question = Self::of(document)?;
+        let faults = question.faults();
+        if faults.is_empty() { Ok(question) } else { Err(faults) }
+    }
+
+    /// Reads a question that was accepted before. Earlier versions accepted contradictory limits.
+    pub fn read_stored(document: &Value) -> Result<Self, Vec<Fault>> {
+        let question = Self::of(document)?;
+        let faults = question.faults_without_contradictions();
+        if faults.is_empty() { Ok(question) } else { Err(faults) }
+    }
+
+    fn of(document: &Value) -> Result<Self, Vec<Fault>> {
+        serde_path_to_error::deserialize(document).map_err(|error| {
             let mut pointer = String::new();
             for segment in error.path() {
                 if !matches!(segment, serde_path_to_error::Segment::Unknown) {
@@ -142,13 +155,19 @@ impl Question {
             }
             let value = document.pointer(&pointer).cloned().unwrap_or_default();
             vec![fault(&pointer, value, &error.inner().to_string(), "the form of a question")]
-        })?;
-        let faults = question.faults();
-        if faults.is_empty() { Ok(question) } else { Err(faults) }
+        })
     }
 
     /// All faults, by JSON pointer.
     pub fn faults(&self) -> Vec<Fault> {
+        let mut faults = self.faults_without_contradictions();
+        if let Goal::Optimise(goal) = &self.goal {
+            goal.contradictions("/goal/optimise", &mut faults);
+        }
+        faults
+    }
+
+    fn faults_without_contradictions(&self) -> Vec<Fault> {
         let mut faults = Vec::new();
         if self.factors.is_empty() {
             faults.push(fault("/factors", &self.factors, "a study needs factors", "at least one factor"));

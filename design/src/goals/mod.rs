@@ -92,5 +92,5 @@ pub(crate) fn decide(question: &Question, evidence: &Evidence, wanted: usize, se
         unusable: unusable.collect(),
         finding: course.finding,
     };
-    Decision { proposals: course.proposals, finished, answer }
+    Decision { proposals: course.proposals, is_met: course.is_met, finished, answer }
 }

@@ -49,6 +49,11 @@ fn points_are_replicated_until_their_intervals_are_narrow() {
         decide(&question(10_000, 0.3), &Evidence::new(left), 20, 1)
     };
     assert!(evidence(25).finished.is_none(), "replicates of a batch at most are more than needed");
+    // It waits for a run in flight, without further ones.
+    let replicate = known as u32;
+    let pending = Run { point, replicate, outcome: Outcome::Pending };
+    let waits = decide(&question(10_000, 0.3), &Evidence::new(runs.into_iter().chain([pending])), 20, 1);
+    assert_eq!((waits.is_met, waits.finished, waits.proposals), (true, None, Vec::new()));
 }
 
 /// Plays a study whose jams end early: each of `workers` workers runs the oldest proposal for 2 units of time if it jams, for 6 otherwise,

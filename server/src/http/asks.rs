@@ -25,6 +25,8 @@ use crate::study::Study;
 const EXPIRES_S: f64 = 86_400.0;
 /// The refusal of points for a finished study.
 const HAS_ANSWER: &str = "the study has its answer: wider ranges or a larger budget continue it";
+/// The refusal of points while the last runs of a study end.
+const WAITS: &str = "the answer is as certain as asked: the study only waits for the runs that have begun";
 /// The refusal of clients that would run a calibration.
 const CALIBRATION: &str = "only the server runs the tests of a calibration";
 /// Decisions that may come between before a request is refused.
@@ -146,8 +148,9 @@ async fn ask_once(
             return Err(ApiError::faults(with_content_faults(faults.to_vec(), found)));
         }
     };
-    if decided.finished.is_some() && !decided.trials.is_empty() {
-        return Err(ApiError::new(ProblemKind::WrongState, HAS_ANSWER));
+    if (decided.finished.is_some() || decided.is_met) && !decided.trials.is_empty() {
+        let detail = if decided.finished.is_some() { HAS_ANSWER } else { WAITS };
+        return Err(ApiError::new(ProblemKind::WrongState, detail));
     }
     let now = app.clock.now();
     let asked = AskedRuns { request, runs, expires_at: now.plus_ms(expires_ms) };

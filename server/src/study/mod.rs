@@ -110,6 +110,8 @@ pub(crate) struct Decided {
     pub(crate) points: u32,
     /// Maximum number of runs at a point with them.
     pub(crate) replicates: u32,
+    /// Whether the study needs no further runs, and only waits for those that have begun.
+    pub(crate) is_met: bool,
     /// Why the study is finished; none while it goes on.
     pub(crate) finished: Option<StudyEnd>,
     /// The answer as numbers.
@@ -161,8 +163,8 @@ impl Study {
             Finished::ByBudget => StudyEnd::ByBudget,
             Finished::NothingLeft => StudyEnd::NothingLeft,
         });
-        let (answer, none) = (decision.answer, Vec::new());
-        let decided = Decided { trials: none, points: 0, replicates: 0, finished, answer, sentences };
+        let (is_met, answer, none) = (decision.is_met, decision.answer, Vec::new());
+        let decided = Decided { trials: none, points: 0, replicates: 0, is_met, finished, answer, sentences };
         self.with_trials(decided, trials, &decision.proposals, known)
     }
 

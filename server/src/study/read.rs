@@ -55,8 +55,9 @@ pub(crate) fn read(
             &allowed,
         ));
     }
-    let question =
-        question(&spec, lab.as_ref(), spec.budget.max_runs).map_err(|found| faults.extend(found)).ok();
+    let question = question(&spec, lab.as_ref(), spec.budget.max_runs, Question::read)
+        .map_err(|found| faults.extend(found))
+        .ok();
     // Read apart from the question, whose other faults would hide those of its responses and sweeps.
     let goal = Goal::deserialize(&spec.goal).ok();
     check_seeding(&spec, goal.as_ref(), &mut faults);
@@ -129,7 +130,7 @@ impl Study {
     pub(crate) fn stored(present: Present) -> Result<Self, Vec<Fault>> {
         let spec = present.spec();
         let lab = calibration::lab(&spec, None).transpose()?;
-        let question = question(&spec, lab.as_ref(), present.max_runs)?;
+        let question = question(&spec, lab.as_ref(), present.max_runs, Question::read_stored)?;
         let tests = lab.map(|lab| calibration::tests(&lab, &spec.factors)).unwrap_or_default();
         let base = scenario::from_value(&spec.base)?;
         let points = Points::without_rows(&spec.base, &base, &spec.factors);
@@ -148,7 +149,12 @@ impl Study {
 }
 
 /// The question of a study, or its faults with pointers into the study.
-fn question(spec: &StudySpec, lab: Option<&Lab>, max_runs: u32) -> Result<Question, Vec<Fault>> {
+fn question(
+    spec: &StudySpec,
+    lab: Option<&Lab>,
+    max_runs: u32,
+    read: fn(&Value) -> Result<Question, Vec<roost_design::Fault>>,
+) -> Result<Question, Vec<Fault>> {
     let factor = |factor: &Factor| {
         if let Some(levels) = &factor.levels {
             return json!({"name": factor.name(), "levels": levels});
@@ -162,7 +168,7 @@ fn question(spec: &StudySpec, lab: Option<&Lab>, max_runs: u32) -> Result<Questi
     factors.extend(lab.and_then(calibration::test_factor));
     let goal = lab.map_or_else(|| spec.goal.clone(), |lab| calibration::goal(&spec.goal, lab));
     let document = json!({"factors": factors, "goal": goal, "budget": budget});
-    Question::read(&document).map_err(|faults| faults.into_iter().map(of_question).collect())
+    read(&document).map_err(|faults| faults.into_iter().map(of_question).collect())
 }
 
 fn of_question(found: roost_design::Fault) -> Fault {

@@ -6,7 +6,7 @@ use crate::fault::{Fault, fault};
 use crate::question::{Budget, Measure};
 
 impl Constraint {
-    fn faults(&self, at: &str, earlier: &[Self], faults: &mut Vec<Fault>) {
+    fn faults(&self, at: &str, faults: &mut Vec<Fault>) {
         self.of.faults(&format!("{at}/of"), faults);
         if self.at_most.is_some() == self.at_least.is_some() {
             faults.push(fault(at, self, "not one limit", "either `at_most` or `at_least`"));
@@ -17,10 +17,6 @@ impl Constraint {
                 let at = format!("{at}/{name}");
                 faults.push(fault(&at, limit, "no runs could certify it", "from 0.001 to 0.999"));
             }
-        }
-        let mut of_measure = earlier.iter().filter(|other| other.of == self.of);
-        if let Some((detail, allowed)) = of_measure.find_map(|other| self.conflict(other)) {
-            faults.push(fault(at, self, detail, &allowed));
         }
     }
 
@@ -46,6 +42,23 @@ impl Constraint {
 }
 
 impl Optimise {
+    /// Objectives and limits that contradict or repeat an earlier one.
+    pub(crate) fn contradictions(&self, at: &str, faults: &mut Vec<Fault>) {
+        for (index, objective) in self.objectives.iter().enumerate() {
+            if self.objectives[..index].iter().any(|other| other.measure() == objective.measure()) {
+                let at = format!("{at}/objectives/{index}");
+                let detail = "an earlier objective has this measure";
+                faults.push(fault(&at, objective, detail, "different measures"));
+            }
+        }
+        for (index, constraint) in self.constraints.iter().enumerate() {
+            let mut of_measure = self.constraints[..index].iter().filter(|other| other.of == constraint.of);
+            if let Some((detail, allowed)) = of_measure.find_map(|other| constraint.conflict(other)) {
+                faults.push(fault(&format!("{at}/constraints/{index}"), constraint, detail, &allowed));
+            }
+        }
+    }
+
     pub(crate) fn faults(&self, at: &str, factors: &[Factor], budget: &Budget, faults: &mut Vec<Fault>) {
         let before = faults.len();
         if !(1..=2).contains(&self.objectives.len()) {
@@ -55,14 +68,9 @@ impl Optimise {
         for (index, objective) in self.objectives.iter().enumerate() {
             let name = if objective.sign() > 0.0 { "minimise" } else { "maximise" };
             objective.measure().faults(&format!("{at}/objectives/{index}/{name}"), faults);
-            if self.objectives[..index].iter().any(|other| other.measure() == objective.measure()) {
-                let at = format!("{at}/objectives/{index}");
-                let detail = "an earlier objective has this measure";
-                faults.push(fault(&at, objective, detail, "different measures"));
-            }
         }
         for (index, constraint) in self.constraints.iter().enumerate() {
-            constraint.faults(&format!("{at}/constraints/{index}"), &self.constraints[..index], faults);
+            constraint.faults(&format!("{at}/constraints/{index}"), faults);
         }
         if !(self.tolerance > 0.0 && self.tolerance < 1.0) {
             let at = format!("{at}/tolerance");
