@@ -3,6 +3,7 @@
 #![allow(dead_code, reason = "each test binary uses a part of this module")]
 
 pub(crate) mod flaky;
+mod process;
 pub(crate) mod provider;
 pub(crate) mod proxy;
 pub(crate) mod slurm;
@@ -11,9 +12,8 @@ pub(crate) mod stl;
 pub(crate) mod turn;
 pub(crate) mod wall_clock;
 
-use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
@@ -22,6 +22,8 @@ use roost_worker::client::{Client, prepare_tls};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use wall_clock::WallClock;
+
+pub(crate) use process::Process;
 
 /// Maximum time of a wait, even on a busy machine.
 const TIMEOUT: Duration = Duration::from_secs(120);
@@ -76,68 +78,6 @@ pub(crate) fn slow_scenario(duration_s: f64) -> Value {
     scenario["equipment"]["belt_speed_m_s"] = json!(0.005);
     scenario["numerics"]["timestep_s"] = json!(2e-5);
     scenario
-}
-
-/// A process that is killed at the end of the test. Its log is printed if the test has failed.
-pub(crate) struct Process {
-    child: Child,
-    log: PathBuf,
-}
-
-impl Process {
-    pub(crate) fn start(command: &mut Command, log: PathBuf) -> Self {
-        let file = File::create(&log).unwrap();
-        let child = command.stdout(file.try_clone().unwrap()).stderr(file).spawn().unwrap();
-        Self { child, log }
-    }
-
-    /// The process id.
-    pub(crate) fn id(&self) -> u32 {
-        self.child.id()
-    }
-
-    /// Sends SIGKILL and waits for the end.
-    pub(crate) fn kill(mut self) {
-        self.child.kill().unwrap();
-        self.child.wait().unwrap();
-    }
-
-    /// Sends SIGSTOP: connections stay open, but the process does not respond.
-    pub(crate) fn freeze(&self) {
-        signal(self.child.id(), "STOP");
-    }
-
-    /// Sends SIGCONT: the process continues.
-    pub(crate) fn thaw(&self) {
-        signal(self.child.id(), "CONT");
-    }
-
-    /// Sends SIGTERM.
-    pub(crate) fn terminate(&self) {
-        signal(self.child.id(), "TERM");
-    }
-
-    /// Waits for the end. Returns the exit status and the time of the wait.
-    pub(crate) fn wait(mut self) -> (ExitStatus, Duration) {
-        let started = Instant::now();
-        let status = wait_until("the process ends", || self.child.try_wait().unwrap());
-        (status, started.elapsed())
-    }
-
-    pub(crate) fn log(&self) -> String {
-        std::fs::read_to_string(&self.log).unwrap_or_default()
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-        WallClock::tidy_after(self.child.id());
-        if std::thread::panicking() {
-            eprintln!("--- {}\n{}", self.log.display(), self.log());
-        }
-    }
 }
 
 /// Reports that a test is skipped, and fails in CI.
