@@ -1,4 +1,4 @@
-//! The shell blocks of the tutorial and the how-to pages: each names the test that runs it, or the reason why none does.
+//! The shell blocks of the pages for users: each names the test that runs it, or the reason why none does.
 //!
 //! The tests run the blocks with smaller simulations. Every replaced word must be on the page.
 
@@ -31,12 +31,13 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The tutorial and the how-to pages, by name.
+/// The pages with shell blocks for users: the how-to pages and those of the tutorial, by name.
 fn pages() -> Vec<(String, String)> {
     let folder = std::fs::read_dir(root().join("docs/howto")).unwrap();
     let names =
         folder.map(|entry| format!("docs/howto/{}", entry.unwrap().file_name().into_string().unwrap()));
-    let names = names.chain(["docs/tutorial.md".to_owned()]);
+    let names =
+        names.chain(["tutorial", "studies", "sweeps", "reproduce"].map(|name| format!("docs/{name}.md")));
     names.map(|name| (name.clone(), std::fs::read_to_string(root().join(name)).unwrap())).collect()
 }
 
@@ -124,6 +125,34 @@ fn output_of(
 const SMALL: (&str, &str) = (r#""subparticle_radius_m": 0.008"#, r#""subparticle_radius_m": 0.009"#);
 const FEW: (&str, &str) = (r#""count": 48"#, r#""count": 3"#);
 const ONE: &str = r#""replicates": 1"#;
+
+#[test]
+fn the_first_runs_run() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let _worker = sandbox.start_worker("worker");
+    let whole = (r#""subparticle_radius_m": 0.006"#, r#""count": 4, "subparticle_radius_m": 0.009"#);
+    let replaced = [whole, SMALL, FEW, (r#""replicates": 3"#, ONE)];
+    run(&sandbox, "docs/howto/first-runs.md", "the_first_runs_run", &replaced, "");
+    assert!(sandbox.path("out/curve.svg").exists());
+}
+
+#[test]
+fn a_study_is_answered_on_a_server_and_widened() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let _worker = sandbox.start_worker("worker");
+    let file = "docs/examples/studies/gate-and-speed.json";
+    let mut asked: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(root().join(file)).unwrap()).unwrap();
+    asked["base"]["product"] = json!({"count": 16, "subparticle_radius_m": 0.012});
+    asked["budget"]["max_runs"] = json!(40);
+    let small = sandbox.path(file);
+    std::fs::create_dir_all(small.parent().unwrap()).unwrap();
+    std::fs::write(small, asked.to_string()).unwrap();
+    run(&sandbox, "docs/studies.md", "a_study_is_answered_on_a_server_and_widened", &[], "");
+    assert!(sandbox.path("map/answer.svg").exists());
+}
 
 #[test]
 fn the_tutorial_runs() {
@@ -287,7 +316,7 @@ fn a_server_is_backed_up_and_gets_a_new_token() {
 fn a_server_has_projects_with_shares_and_budgets() {
     let sandbox = Sandbox::new();
     let _server = sandbox.start_server();
-    run(&sandbox, "docs/howto/operate.md", "a_server_has_projects_with_shares_and_budgets", &[], "");
+    run(&sandbox, "docs/howto/users.md", "a_server_has_projects_with_shares_and_budgets", &[], "");
     let data = sandbox.path("data").display().to_string();
     let listed = |what| support::stdout(&support::run(&[what, "list", "--json", "--data", &data]));
     let projects: serde_json::Value = serde_json::from_str(&listed("project")).unwrap();

@@ -195,10 +195,10 @@ fn readme_commands_are_targets_of_the_makefile() {
 }
 
 #[test]
-fn readme_documents_are_valid() {
-    let readme = read("README.md");
+fn documents_of_the_first_runs_are_valid() {
+    let page = read("docs/howto/first-runs.md");
     let documents: Vec<&str> =
-        readme.split("<<'JSON'\n").skip(1).filter_map(|rest| rest.split("\nJSON\n").next()).collect();
+        page.split("<<'JSON'\n").skip(1).filter_map(|rest| rest.split("\nJSON\n").next()).collect();
     assert_eq!(documents.len(), 2);
     for document in documents {
         let value: serde_json::Value = serde_json::from_str(document).expect("JSON");

@@ -19,7 +19,7 @@ trap 'rm -rf "$documents"' EXIT
 awk -v out="$documents/" '
     /^```$/ || /^JSON$/ { if (file) close(file); file = "" }
     file { print > file }
-    /^```json$/ || /<<.JSON.$/ { file = out (++count) ".json" }' README.md api.md docs/*.md
+    /^```json$/ || /<<.JSON.$/ { file = out (++count) ".json" }' README.md api.md docs/*.md docs/howto/*.md
 cp src/demo/sweep.json "$documents"
 cp "$documents"/* "$seeds/sweep"
 grep -L '"design"' "$documents"/* | xargs -r cp -t "$seeds/scenario"
