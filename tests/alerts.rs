@@ -1,12 +1,16 @@
 //! The alert rules of `deploy/alerts.yaml`: `promtool` tests each rule, all metrics exist, and one rule fires in a real Prometheus.
 //! The expressions of `deploy/grafana-dashboard.json` are valid, and their metrics exist as well.
 
+#[path = "../server/src/store/testing/cluster.rs"]
+#[allow(dead_code, reason = "no test here recovers PostgreSQL")]
+mod cluster;
 mod support;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use cluster::Cluster;
 use roost_api::job::JobState;
 use serde_json::{Value, json};
 use support::{Sandbox, transcript, wait_until};
@@ -57,9 +61,9 @@ fn every_alert_fires_and_stays_silent() {
 
 #[test]
 fn every_alert_is_in_the_documentation() {
-    let readme = read(&rules().with_file_name("README.md"));
+    let page = read(&rules().with_file_name("../docs/howto/operate.md"));
     for alert in alerts() {
-        assert!(readme.contains(&format!("| `{alert}` |")), "{alert}");
+        assert!(page.contains(&format!("| `{alert}` |")), "{alert}");
     }
 }
 
@@ -216,60 +220,102 @@ impl Drop for Prometheus {
     }
 }
 
+impl Prometheus {
+    /// Starts one that reads the metrics of servers every second, and whose alerts wait for nothing. `here` has its files and its address.
+    fn start(here: &Sandbox, servers: &[&Sandbox]) -> Self {
+        let text = read(&rules());
+        let quick = text.lines().map(|line| match line.trim_start().starts_with("for: ") {
+            true => "        for: 0s\n".to_owned(),
+            false => format!("{line}\n"),
+        });
+        std::fs::write(here.path("alerts.yaml"), quick.collect::<String>()).unwrap();
+        let targets: Vec<_> =
+            servers.iter().map(|server| server.address.trim_start_matches("http://")).collect();
+        let config = format!(
+            "global: {{scrape_interval: 1s, evaluation_interval: 1s}}\n\
+             rule_files: [alerts.yaml]\n\
+             scrape_configs: [{{job_name: roost, static_configs: [{{targets: {targets:?}}}]}}]\n"
+        );
+        std::fs::write(here.path("prometheus.yml"), config).unwrap();
+        let listen = here.address.trim_start_matches("http://");
+        let log = std::fs::File::create(here.path("prometheus.log")).unwrap();
+        let child = Command::new("prometheus")
+            .arg(format!("--config.file={}", here.path("prometheus.yml").display()))
+            .arg(format!("--storage.tsdb.path={}", here.path("series").display()))
+            .arg(format!("--web.listen-address={listen}"))
+            .stdin(Stdio::null())
+            .stdout(log.try_clone().unwrap())
+            .stderr(log)
+            .spawn()
+            .expect("prometheus is there: `make needs` installs it");
+        Self(child)
+    }
+}
+
+/// The answer of the API of a Prometheus; none until it runs.
+fn ask_prometheus(here: &Sandbox, path: &str) -> Option<Value> {
+    let client = reqwest::Client::builder().no_proxy().build().unwrap();
+    let request = client.get(format!("{}/api/v1/{path}", here.address)).send();
+    here.ask(|_| async move { request.await.ok()?.json().await.ok() })
+}
+
+/// The alert of a name that fires.
+fn firing(here: &Sandbox, alert: &str) -> Option<Value> {
+    let answer = ask_prometheus(here, "alerts")?;
+    let alerts = answer["data"]["alerts"].as_array()?;
+    let named = |fired: &&Value| fired["labels"]["alertname"] == *alert && fired["state"] == "firing";
+    alerts.iter().find(named).cloned()
+}
+
 #[test]
 fn alert_of_a_real_server_fires_in_prometheus() {
     let (sandbox, other) = (Sandbox::new(), Sandbox::new());
     let server = sandbox.start_server();
     sandbox.submit(&support::hopper_scenario(1.0));
-    let text = read(&rules());
-    let quick = text.lines().map(|line| match line.trim_start().starts_with("for: ") {
-        true => "        for: 0s\n".to_owned(),
-        false => format!("{line}\n"),
-    });
-    std::fs::write(sandbox.path("alerts.yaml"), quick.collect::<String>()).unwrap();
-    let target = sandbox.address.trim_start_matches("http://");
-    let config = format!(
-        "global: {{scrape_interval: 1s, evaluation_interval: 1s}}\n\
-         rule_files: [alerts.yaml]\n\
-         scrape_configs: [{{job_name: roost, static_configs: [{{targets: ['{target}']}}]}}]\n"
-    );
-    std::fs::write(sandbox.path("prometheus.yml"), config).unwrap();
-    let listen = other.address.trim_start_matches("http://");
-    let log = std::fs::File::create(sandbox.path("prometheus.log")).unwrap();
-    let child = Command::new("prometheus")
-        .arg(format!("--config.file={}", sandbox.path("prometheus.yml").display()))
-        .arg(format!("--storage.tsdb.path={}", sandbox.path("series").display()))
-        .arg(format!("--web.listen-address={listen}"))
-        .stdin(Stdio::null())
-        .stdout(log.try_clone().unwrap())
-        .stderr(log)
-        .spawn()
-        .expect("prometheus is there: `make needs` installs it");
-    let _prometheus = Prometheus(child);
-    let client = reqwest::Client::builder().no_proxy().build().unwrap();
-    let get = |path: &str| -> Option<Value> {
-        let request = client.get(format!("{}/api/v1/{path}", other.address)).send();
-        sandbox.ask(|_| async move { request.await.ok()?.json().await.ok() })
-    };
-    let fires = |alert: &str| {
-        let answer = get("alerts")?;
-        let alerts = answer["data"]["alerts"].as_array()?;
-        let named = |fired: &&Value| fired["labels"]["alertname"] == *alert && fired["state"] == "firing";
-        alerts.iter().find(named).cloned()
-    };
-    let fired = wait_until("the alert on jobs without a worker", || fires("RoostNoWorkers"));
+    let _prometheus = Prometheus::start(&other, &[&sandbox]);
+    let fired = wait_until("the alert on jobs without a worker", || firing(&other, "RoostNoWorkers"));
     assert_eq!(fired["annotations"]["summary"], "1 jobs are queued, and no worker is connected");
     // Prometheus takes a scrape that is answered after a second for one that failed.
     wait_until("no alert on the server", || {
-        (get("alerts").is_some() && fires("RoostDown").is_none()).then_some(())
+        (ask_prometheus(&other, "alerts").is_some() && firing(&other, "RoostDown").is_none()).then_some(())
     });
     server.terminate();
     server.wait();
-    wait_until("the alert on the end of the server", || fires("RoostDown"));
-    let rules = get("rules").unwrap();
+    wait_until("the alert on the end of the server", || firing(&other, "RoostDown"));
+    let rules = ask_prometheus(&other, "rules").unwrap();
     let rules = rules["data"]["groups"][0]["rules"].as_array().unwrap();
     assert_eq!(rules.len(), alerts().len());
     for rule in rules {
         assert_eq!(rule["health"], "ok", "{rule}");
     }
+}
+
+#[test]
+fn lost_postgresql_fires_an_alert() {
+    let postgres = Cluster::start(&std::env::temp_dir(), "");
+    let database = postgres.create("roost");
+    let (one, two, other) = (Sandbox::new(), Sandbox::new(), Sandbox::new());
+    // Both have one folder of objects.
+    std::fs::create_dir(one.path("data")).unwrap();
+    std::os::unix::fs::symlink(one.path("data"), two.path("data")).unwrap();
+    let start = |sandbox: &Sandbox| sandbox.start_server_with(&["--database", &database]);
+    let (_first, second) = (start(&one), start(&two));
+    wait_until("it stands by", || second.log().contains("requests are passed on").then_some(()));
+    let _prometheus = Prometheus::start(&other, &[&one, &two]);
+    let leaders = || {
+        ask_prometheus(&other, "query?query=sum(roost_leader)%2Bcount(roost_leader)")?["data"]["result"]
+            .get(0)
+            .cloned()
+    };
+    wait_until("both are read, and one leads", || leaders().filter(|sum| sum["value"][1] == "3"));
+    let none = |alerts: &[&str]| alerts.iter().all(|alert| firing(&other, alert).is_none());
+    wait_until("no alert on the servers", || {
+        none(&["RoostNoLeader", "RoostSeveralLeaders", "RoostDown"]).then_some(())
+    });
+    drop(postgres);
+    wait_until("the alert that no server leads", || firing(&other, "RoostNoLeader"));
+    let former = one.address.trim_start_matches("http://");
+    wait_until("the alert on the former leader", || {
+        firing(&other, "RoostDown").filter(|down| down["labels"]["instance"] == *former)
+    });
 }

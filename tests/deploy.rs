@@ -1,5 +1,8 @@
 //! The files in `deploy/`, checked by their tools. Tests of a missing tool are skipped.
 
+#[path = "../server/src/store/testing/cluster.rs"]
+#[allow(dead_code, reason = "no test here ends PostgreSQL")]
+mod cluster;
 mod kubernetes;
 mod support;
 
@@ -98,7 +101,7 @@ fn grace_periods_end_before_the_kill() {
     let grace_s = number_after(&slurm, "ROOST_GRACE_S:-");
     assert!(grace_s + TO_DELIVER_S <= 30, "Slurm's KillWait is 30 s");
     assert!(grace_s + TO_DELIVER_S <= number_after(&slurm, "--signal=B:TERM@"));
-    let pods = std::fs::read_to_string(deploy("kubernetes/workers.yaml")).unwrap();
+    let pods = std::fs::read_to_string(deploy("kubernetes/workers/workers.yaml")).unwrap();
     let grace_s = number_after(&pods, r#""--grace", ""#);
     assert!(grace_s + TO_DELIVER_S <= number_after(&pods, "terminationGracePeriodSeconds: "));
     let unit = std::fs::read_to_string(deploy("roost-work.service")).unwrap();
@@ -244,6 +247,23 @@ fn image_is_complete_and_its_build_sees_only_sources() {
     assert!(output.status.success(), "{}", support::transcript(&output));
 }
 
+#[test]
+fn released_builds_support_buckets() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut builds = 0;
+    for name in ["deploy/Containerfile", ".github/workflows/release.yml", "docs/howto/install.md"] {
+        let text = std::fs::read_to_string(root.join(name)).unwrap();
+        let commands =
+            if name.ends_with(".md") { "cargo deb " } else { "cargo build |cargo deb |cargo cyclonedx " };
+        let is_build = |line: &&str| commands.split('|').any(|command| line.contains(command));
+        for line in text.lines().filter(is_build) {
+            assert!(line.contains(" --features s3"), "{name}: {line}");
+            builds += 1;
+        }
+    }
+    assert_eq!(builds, 5);
+}
+
 /// All files in `deploy/` and its folders, by their path from there.
 fn files() -> Vec<String> {
     let (mut found, mut folders) = (Vec::new(), vec![deploy("")]);
@@ -304,6 +324,11 @@ fn every_file_is_documented_and_uses_existing_options() {
                 "--scope",
                 "--name",
                 "--data",
+                "--auth-host",
+                "--encoding",
+                "--host",
+                "--quiet",
+                "--username",
             ];
             let known = help.iter().any(|help| help.contains(option));
             assert!(known || foreign.contains(&option), "{name}: {option}");

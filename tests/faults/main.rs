@@ -5,6 +5,7 @@ mod clock;
 #[path = "../../server/src/store/testing/cluster.rs"]
 mod cluster;
 mod disk;
+mod dump;
 mod kills;
 mod recovery;
 mod servers;

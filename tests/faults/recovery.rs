@@ -1,4 +1,4 @@
-//! PostgreSQL recovered to a time before a mistake, as the page on PostgreSQL describes.
+//! PostgreSQL recovered to a time before a mistake, as the page on operation describes.
 
 use std::time::Duration;
 

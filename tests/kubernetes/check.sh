@@ -13,10 +13,10 @@ venv=target/kubernetes/venv
 [[ -x $venv/bin/python ]] || python3 -m venv "$venv"
 "$venv/bin/pip" install --quiet --disable-pip-version-check --requirement tests/kubernetes/requirements.txt
 
-files=(deploy/kubernetes/*.yaml deploy/kubernetes/keda/*.yaml)
+files=(deploy/kubernetes/*.yaml deploy/kubernetes/*/*.yaml)
 rendered=$(mktemp -d)
 trap 'rm -rf "$rendered"' EXIT
-for folder in deploy/kubernetes deploy/kubernetes/keda; do
+for folder in deploy/kubernetes deploy/kubernetes/postgres deploy/kubernetes/keda; do
     out=$rendered/$(basename "$folder").yaml
     if command -v kubectl > /dev/null; then kubectl kustomize "$folder" > "$out"
     elif command -v kustomize > /dev/null; then kustomize build "$folder" > "$out"

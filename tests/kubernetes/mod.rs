@@ -1,5 +1,7 @@
 //! The manifests in `deploy/kubernetes/`, read as text. `check.sh` in this folder checks them against the schemas.
 
+mod postgres;
+
 use std::collections::BTreeSet;
 use std::net::SocketAddr;
 use std::path::Path;
@@ -48,26 +50,52 @@ fn script(container: &str) -> String {
     lines.map(|line| format!("{line}\n")).collect()
 }
 
+/// Runs the script of a first container in a folder as its volume.
+fn run_first(volume: &Path, container: &str, variables: &[(&str, &str)]) {
+    let bin = Path::new(env!("CARGO_BIN_EXE_roost")).parent().unwrap();
+    let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
+    let command = words(container, "command: ");
+    let secret = volume.join("secret").display().to_string();
+    let script = script(container).replace("/run/secrets/roost", &secret);
+    let mut shell = Command::new(&command[0]);
+    shell.args(&command[1..]).arg(script).current_dir(volume).env("PATH", &path);
+    let output = shell.envs(variables.iter().copied()).output().unwrap();
+    assert!(output.status.success(), "{}", support::transcript(&output));
+}
+
 #[test]
 fn every_manifest_is_applied() {
-    for (folder, by_hand) in [("", Some("maintenance.yaml")), ("keda/", None)] {
+    let folders = [("", Some("maintenance.yaml")), ("workers/", None), ("postgres/", None), ("keda/", None)];
+    for (folder, by_hand) in folders {
         let entries = std::fs::read_dir(deploy("kubernetes").join(folder)).unwrap();
         let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
         let found: BTreeSet<String> = names.filter(|name| name.ends_with(".yaml")).collect();
         let text = read(&format!("{folder}kustomization.yaml"));
         let (_, listed) = text.split_once("\nresources:\n").expect("resources");
         let listed = listed.lines().map_while(|line| line.strip_prefix("  - "));
-        let expected = listed.chain(by_hand).chain(["kustomization.yaml"]);
-        assert_eq!(found, expected.map(str::to_owned).collect::<BTreeSet<_>>());
+        let (files, others): (Vec<&str>, Vec<&str>) = listed.partition(|name| name.ends_with(".yaml"));
+        let expected = files.into_iter().chain(by_hand).chain(["kustomization.yaml"]);
+        assert_eq!(found, expected.map(str::to_owned).collect::<BTreeSet<_>>(), "{folder}");
+        for other in others {
+            assert!(
+                deploy("kubernetes").join(folder).join(other).join("kustomization.yaml").exists(),
+                "{other}"
+            );
+        }
     }
 }
 
 #[test]
 fn every_container_is_confined() {
     let user = instructions("USER")[0].clone();
-    let (uid, gid) = user.split_once(':').unwrap();
-    let image = format!("image: roost:{}\n", env!("CARGO_PKG_VERSION"));
-    for name in ["server.yaml", "workers.yaml", "maintenance.yaml"] {
+    let own = user.split_once(':').unwrap();
+    let image = format!("roost:{}", env!("CARGO_PKG_VERSION"));
+    let foreign =
+        ("postgres/database.yaml", ("999", "999"), "docker.io/library/postgres:17-bookworm".to_owned());
+    let of_roost = ["server.yaml", "workers/workers.yaml", "maintenance.yaml", "postgres/servers.yaml"];
+    for (name, (uid, gid), image) in
+        of_roost.map(|name| (name, own, image.clone())).into_iter().chain([foreign])
+    {
         let manifest = read(name);
         let of_pod = [
             "automountServiceAccountToken: false",
@@ -90,7 +118,7 @@ fn every_container_is_confined() {
             "limits:",
         ];
         for container in all {
-            assert!(container.contains(&image), "{name}: {container}");
+            assert!(container.contains(&format!("image: {image}\n")), "{name}: {container}");
             for line in of_container {
                 assert!(container.contains(&format!(" {line}\n")), "{name}: {line}: {container}");
             }
@@ -104,7 +132,7 @@ fn every_container_is_confined() {
 #[test]
 fn addresses_and_names_agree() {
     let (server, workers, keda) =
-        (read("server.yaml"), read("workers.yaml"), read("keda/scaled-object.yaml"));
+        (read("server.yaml"), read("workers/workers.yaml"), read("keda/scaled-object.yaml"));
     let command = words(containers(&server).last().unwrap(), "args: ");
     let listen = command.iter().skip_while(|word| *word != "--listen").nth(1).unwrap();
     let listen: SocketAddr = listen.parse().unwrap();
@@ -138,18 +166,17 @@ fn pods_start_with_their_commands() {
     assert_eq!(of_server.len(), 2);
 
     // The first container makes tokens once.
-    let bin = Path::new(env!("CARGO_BIN_EXE_roost")).parent().unwrap();
-    let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
     let make_tokens = || -> String {
-        let command = words(&of_server[0], "command: ");
-        let mut shell = Command::new(&command[0]);
-        shell.args(&command[1..]).arg(script(&of_server[0])).current_dir(&volume).env("PATH", &path);
-        let output = shell.output().unwrap();
-        assert!(output.status.success(), "{}", support::transcript(&output));
+        run_first(&volume, &of_server[0], &[]);
         std::fs::read_to_string(volume.join("tokens/admin")).unwrap()
     };
     let admin = make_tokens();
     assert_eq!(make_tokens(), admin);
+    // No more once an operator has removed their secrets.
+    std::fs::rename(volume.join("tokens"), volume.join("taken")).unwrap();
+    run_first(&volume, &of_server[0], &[]);
+    assert!(!volume.join("tokens").exists());
+    std::fs::rename(volume.join("taken"), volume.join("tokens")).unwrap();
 
     let (data, port) = (volume.display().to_string(), sandbox.address.rsplit_once(':').unwrap().1);
     let here = |word: &String| word.replace("/var/lib/roost", &data).replace(":7373", &format!(":{port}"));
@@ -167,7 +194,7 @@ fn pods_start_with_their_commands() {
     let token = volume.join("tokens/worker").display().to_string();
     let here =
         |word: &String| word.replace("/var/lib/roost", &state).replace("/run/secrets/roost/token", &token);
-    let command = words(&containers(&read("workers.yaml"))[0], "args: ");
+    let command = words(&containers(&read("workers/workers.yaml"))[0], "args: ");
     let command: Vec<String> = command.iter().map(here).collect();
     let mut worker = support::roost();
     worker.args(&command).env("ROOST_SERVER", &sandbox.address);

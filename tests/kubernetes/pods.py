@@ -26,6 +26,8 @@ ROOST = Path(sys.argv[1]).resolve()
 MANIFESTS = Path(__file__).resolve().parents[2] / "deploy/kubernetes"
 TOOLS = ["sh", "cat", "mkdir", "mv", "rm", "sleep", "tar", "touch", "setpriv"]
 SERVER = "http://127.0.0.1:7373"
+# All processes of containers.
+STARTED = []
 # Mounts the root and the volumes, makes the root read-only, and runs the rest of the arguments in it as the user of the pod.
 ENTER = """set -eu
 root=$1 uid=$2 gid=$3 group=$4 folder=$5; shift 5
@@ -53,22 +55,38 @@ def libraries(program):
 
 
 class Pod:
-    """A pod: its containers share volumes, folders of this machine."""
+    """A pod: its containers share volumes, folders of this machine.
 
-    def __init__(self, here, spec, volumes):
-        self.spec, self.volumes, self.here = spec, volumes, here
+    `variables` are those that the manifests take from elsewhere, such as secrets. They also replace `$(NAME)` in arguments.
+    """
+
+    def __init__(self, here, spec, volumes, variables=None, hosts="127.0.0.1 localhost roost\n"):
+        self.spec, self.volumes, self.here, self.variables = spec, volumes, here, variables or {}
         self.root = Path(tempfile.mkdtemp(dir=here, prefix="root-"))
         self.root.chmod(0o755)
-        for folder in ["bin", "dev", "etc", "proc", "tmp", "usr/local/bin", "var/lib/roost", "run/secrets/roost"]:
-            (self.root / folder).mkdir(parents=True)
+        mounts = [mount["mountPath"][1:] for container in self.containers() for mount in container["volumeMounts"]]
+        for folder in ["bin", "dev", "etc", "proc", "tmp", "usr/local/bin", "var/lib/roost", *mounts]:
+            (self.root / folder).mkdir(parents=True, exist_ok=True)
         for program in [shutil.which(tool) for tool in TOOLS] + [ROOST]:
-            inside = self.root / ("usr/local/bin/roost" if program == ROOST else f"bin/{Path(program).name}")
-            shutil.copy(program, inside)
-            for library in libraries(program):
-                (self.root / library[1:]).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy(library, self.root / library[1:])
+            self.add(program, "usr/local/bin/roost" if program == ROOST else f"bin/{Path(program).name}")
         (self.root / "dev/null").touch()
-        (self.root / "etc/hosts").write_text("127.0.0.1 localhost roost\n")
+        (self.root / "etc/hosts").write_text(hosts)
+
+    def containers(self):
+        return self.spec.get("initContainers", []) + self.spec["containers"]
+
+    def add(self, program, inside):
+        """Copies a program or a library with its libraries into the root."""
+        (self.root / inside).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(program, self.root / inside)
+        for library in libraries(program):
+            (self.root / library[1:]).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(library, self.root / library[1:])
+
+    def expand(self, word):
+        for name, value in self.variables.items():
+            word = word.replace(f"$({name})", value)
+        return word
 
     def start(self, container, command=None, **pipes):
         """Starts a container, or a command in it as `kubectl exec` does."""
@@ -78,11 +96,14 @@ class Pod:
         for mount in container["volumeMounts"]:
             arguments += [self.volumes[mount["name"]], mount["mountPath"], "ro" if mount.get("readOnly") else "rw"]
         own = container.get("command", ["/usr/local/bin/roost"]) + container.get("args", [])
-        arguments += ["--", *(command or own)]
+        arguments += ["--", *map(self.expand, command or own)]
         variables = {"PATH": "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"}
-        variables.update((entry["name"], entry["value"]) for entry in container.get("env", []))
+        variables.update((entry["name"], entry["value"]) for entry in container.get("env", []) if "value" in entry)
+        variables.update(self.variables)
         script = ["unshare", "--mount", "/bin/sh", "-c", ENTER, "sh", *map(str, arguments)]
-        return subprocess.Popen(script, env=variables, **pipes)
+        process = subprocess.Popen(script, env=variables, **pipes)
+        STARTED.append(process)
+        return process
 
     def run(self, container, command=None, stdin=None):
         """Runs a container or a command to its end. Returns status and stdout."""
@@ -91,8 +112,8 @@ class Pod:
         return process.returncode, out
 
 
-def status(path, token=None):
-    request = urllib.request.Request(SERVER + path, headers={"authorization": f"Bearer {token}"} if token else {})
+def status(path, token=None, server=SERVER):
+    request = urllib.request.Request(server + path, headers={"authorization": f"Bearer {token}"} if token else {})
     try:
         with urllib.request.urlopen(request, timeout=5) as answer:
             return answer.status
@@ -124,9 +145,9 @@ def expect(text, found, wanted):
     assert found == wanted, wanted
 
 
-def client(token, *arguments):
+def client(token, *arguments, server=SERVER):
     """The output of a client command, as JSON."""
-    command = [ROOST, *arguments, "--json", "--server", SERVER]
+    command = [ROOST, *arguments, "--json", "--server", server]
     output = subprocess.run(command, env={"ROOST_TOKEN": token}, capture_output=True, text=True, check=True)
     return json.loads(output.stdout)
 
@@ -139,11 +160,11 @@ def scenario(count, duration_s):
     return {"experiment": "hopper", "product": product, "equipment": equipment, "numerics": numerics}
 
 
-def volume(here, name):
+def volume(here, name, group=10001):
     """A volume as Kubernetes mounts it: of root and the group of the pod."""
     folder = here / name
     folder.mkdir()
-    os.chown(folder, 0, 10001)
+    os.chown(folder, 0, group)
     folder.chmod(0o2775)
     return folder
 
@@ -159,11 +180,14 @@ def main(here):
     expect("their files are private", {oct((data / "tokens" / name).stat().st_mode)[-3:] for name in ["admin", "worker"]}, {"600"})
     admin = token("admin")
     expect("once", (server.run(first_tokens)[0], token("admin") == admin), (0, True))
+    (data / "tokens").rename(here / "taken")
+    expect("none once an operator has removed them", (server.run(first_tokens)[0], (data / "tokens").exists()), (0, False))
+    (here / "taken").rename(data / "tokens")
 
     # A worker that drains.
     state, secret = volume(here, "state"), volume(here, "secret")
     (secret / "token").write_text(token("worker"))
-    worker = Pod(here, pod_of("workers.yaml", "Deployment"), {"state": state, "token": secret})
+    worker = Pod(here, pod_of("workers/workers.yaml", "Deployment"), {"state": state, "token": secret})
     with running(server.start(serve)), running(worker.start(worker.spec["containers"][0])) as work:
         until("the server is ready", lambda: status("/readyz") == 200)
         probes = [serve[probe]["httpGet"]["path"] for probe in ("startupProbe", "livenessProbe", "readinessProbe")]
@@ -202,10 +226,20 @@ def main(here):
     expect("the first container makes new tokens", (server.run(first_tokens)[0], token("admin") == admin), (0, False))
 
 
-if __name__ == "__main__":
+def start(main):
+    """Runs a function with a folder in which it may mount, on a loopback of its own."""
     subprocess.run(["mount", "--make-rprivate", "/"], check=True)
     subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
     with tempfile.TemporaryDirectory() as folder:
         Path(folder).chmod(0o755)
-        main(Path(folder))
+        try:
+            main(Path(folder))
+        finally:
+            for process in STARTED:
+                process.kill()
+                process.wait()
     print("all as expected")
+
+
+if __name__ == "__main__":
+    start(main)
