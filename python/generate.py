@@ -34,11 +34,31 @@ import sys
 from collections.abc import {abcs}
 from typing import {names}
 
+{imports}
+
 if sys.version_info >= (3, 11):
     from typing import {required}
 else:
     from typing_extensions import {required}
 '''
+
+# Members that the OpenAPI document describes as objects, and their types.
+OWN_TYPES = {
+    ("JobEnvelope", "scenario"): "ScenarioDocument | HasDocument",
+    ("SweepSpec", "base"): "ScenarioDocument | HasDocument",
+    ("StudySpec", "base"): "ScenarioDocument | HasDocument",
+    ("HandedOut", "scenario"): "ScenarioDocument",
+    ("JobView", "responses"): "Mapping[str, Response]",
+    ("RunResult", "responses"): "Mapping[str, Response]",
+    ("RunOutcome", "responses"): "Mapping[str, Response] | None",
+    ("TrialRow", "responses"): "Mapping[str, Response]",
+}
+
+# Members that only the client knows: it puts the contents of the file in their place.
+OF_CLIENT = {
+    "Design": {"file": "`csv`: the path of a CSV file, in place of `table`."},
+    "PosteriorDraws": {"file": "The path of the answer of a calibration, in place of `parameters` and `samples`."},
+}
 
 
 def main() -> int:
@@ -75,11 +95,15 @@ def models(openapi: dict[str, Any]) -> str:
     """The module of the API's documents."""
     head = HEAD.format(
         title="The documents of the HTTP API as types, such as `SweepSpec` of a submission and `JobView` of an answer.",
-        abcs="Mapping",
+        abcs="Mapping, Sequence",
         names="Any, Literal, TypeAlias, TypedDict",
+        imports="from roost.fields import ScenarioDocument\nfrom roost.protocols import Array, HasDocument, Response",
         required="NotRequired",
     )
     schemas = openapi["components"]["schemas"]
+    for name, field in OWN_TYPES:
+        if named_type("object", {}) not in python_type(schemas[name]["properties"][field]):
+            raise SystemExit(f"{name}.{field} has a type in the OpenAPI document: remove it from OWN_TYPES")
     # Words come first, since they are values at run time; all else refers to them by name.
     words = [name for name, schema in schemas.items() if "enum" in schema]
     parts = [model(name, schemas[name]) for name in [*words, *(name for name in schemas if name not in words)]]
@@ -95,16 +119,22 @@ def model(name: str, schema: dict[str, Any]) -> str:
         value = text if text.startswith("Literal[") else f'"{text}"'
         return f"{name}: TypeAlias = {value}\n{docstring(doc, 0)}"
     required = schema.get("required", [])
+    for field, meaning in OF_CLIENT.get(name, {}).items():
+        properties = {**properties, field: {"type": "string", "description": meaning}}
     entries = [(field, of_field, field in required) for field, of_field in properties.items()]
+
+    def typed(field: str, of_field: dict[str, Any], is_required: bool) -> str:
+        return optional(OWN_TYPES.get((name, field)) or python_type(of_field), is_required)
+
     if any(keyword.iskeyword(field) or not field.isidentifier() for field in properties):
         # A class cannot have these names.
-        lines = [f'    "{field}": "{optional(python_type(of), is_required)}",' for field, of, is_required in entries]
+        lines = [f'    "{field}": "{typed(field, of, is_required)}",' for field, of, is_required in entries]
         return "\n".join(
             [f'{name} = TypedDict(\n    "{name}",\n    {{', *(f"    {line}" for line in lines), "    },\n)", docstring(doc, 0)]
         )
     lines = [f"class {name}(TypedDict):", docstring(doc or name, 4), ""]
     for field, of, is_required in entries:
-        lines.append(f"    {field}: {optional(python_type(of), is_required)}")
+        lines.append(f"    {field}: {typed(field, of, is_required)}")
         lines.extend(filter(None, [docstring(of.get("description", ""), 4)]))
     return "\n".join(lines) + "\n"
 
@@ -142,7 +172,9 @@ def named_type(kind: str, schema: dict[str, Any]) -> str:
         items: dict[str, Any] = schema.get("items") or {}
         if schema.get("prefixItems"):
             items = {"anyOf": schema["prefixItems"]}
-        return f"list[{python_type(items) if items else 'Any'}]"
+        item = python_type(items) if items else "Any"
+        # Lists of any values, such as the levels of a factor, may be arrays.
+        return f"Sequence[{item}] | Array" if item == "Any" or item.endswith(" | Array") else f"list[{item}]"
     if kind == "object":
         others: Any = schema.get("additionalProperties")
         # TypedDicts are mappings, but no dictionaries.
@@ -192,6 +224,7 @@ def fields(schema: dict[str, Any]) -> str:
         title="Scenarios as types: the fields of each experiment with meaning, unit, default, range and source.",
         abcs="Sequence",
         names="Literal, TypeAlias, TypedDict, Union",
+        imports="from roost.protocols import Array",
         required="Required",
     )]  # fmt: skip
     parts.append(MESHES)
@@ -211,7 +244,18 @@ def fields(schema: dict[str, Any]) -> str:
             resolved[f"@{experiment}@{stem}@"] = name
     alias = ", ".join(f"{camel(experiment)}Scenario" for experiment in experiments)
     parts.append(f'ScenarioDocument: TypeAlias = Union[{alias}]\n"""The scenario of any experiment."""\n')
+    parts.append(changes(schema, experiments, resolved))
     return "\n\n".join(parts)
+
+
+def changes(schema: dict[str, Any], experiments: list[str], resolved: dict[str, str]) -> str:
+    """The class of the fields and sections by which a scenario of any experiment is changed."""
+    lines = ["class ScenarioChanges(TypedDict, total=False):", docstring("New values of fields and sections.", 4), ""]
+    for name, of_field in schema["properties"].items():
+        of_experiments = [f"@{experiment}@{camel(name)}@" for experiment in of_field.get("x-experiments", experiments)]
+        text = union([resolved[mark] for mark in of_experiments]) if is_section(of_field) else field_type(of_field)
+        lines += [f"    {name}: {text}", docstring(of_field.get("description", ""), 4)]
+    return "\n".join(lines) + "\n"
 
 
 class Section:
@@ -288,7 +332,7 @@ def field_type(schema: dict[str, Any]) -> str:
         return "MeshFile | MeshDigest | None"
     kinds = kinds_of(schema)
     if "array" in kinds:
-        item = f"Sequence[{field_type(schema['items'])}]"
+        item = f"Sequence[{field_type(schema['items'])}] | Array"
         return f"{item} | None" if "null" in kinds else item
     if schema.get("pattern") == "^auto$":
         return 'float | Literal["auto"]'

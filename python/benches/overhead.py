@@ -1,6 +1,6 @@
 """Measures `roost.run` beside the command `roost run`, and small runs in thread pools. It needs a machine without other load.
 
-`python3 python/benches/overhead.py` takes about three minutes on two cores, and prints the rows of docs/performance.md. Package and command
+`python3 python/benches/overhead.py` takes about six minutes on two cores, and prints the rows of docs/performance.md. Package and command
 must come from the same wheel: it takes the command of the environment of this interpreter, or that of the variable ROOST_COMMAND.
 """
 
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import subprocess
 import sys
@@ -15,13 +16,13 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from statistics import median, quantiles
+from statistics import fmean, median, stdev
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import roost
 
-Fields = dict[str, Any]
+Fields = Any
 
 SMALL: Fields = {
     "experiment": "hopper",
@@ -54,10 +55,11 @@ def timed(call: Callable[[], Any]) -> tuple[float, float, Any]:
     return time.perf_counter() - wall_s, sum(os.times()[:4]) - processor_s, value
 
 
-def spread(ratios: Sequence[float]) -> str:
-    """Median and quartiles."""
-    low, _, high = quantiles(ratios, n=4)
-    return f"{median(ratios):.3f} ({low:.3f} to {high:.3f}), n = {len(ratios)}"
+def mean(ratios: Sequence[float]) -> str:
+    """Geometric mean and its 95 % interval, for enough ratios that the normal distribution holds."""
+    logs = [math.log(ratio) for ratio in ratios]
+    centre, half = fmean(logs), 1.96 * stdev(logs) / math.sqrt(len(logs))
+    return f"{math.exp(centre):.3f} ({math.exp(centre - half):.3f} to {math.exp(centre + half):.3f}), n = {len(ratios)}"
 
 
 def pairs(fields: Fields, threads: int, count: int, folder: Path) -> None:
@@ -83,10 +85,11 @@ def pairs(fields: Fields, threads: int, count: int, folder: Path) -> None:
         for times, measure in reversed(turns) if pair % 2 else turns:
             times.append(measure())
     # Wall time, processor time, and the wall time of the solver alone. The system counts processor time in hundredths of a second.
-    ratios = [spread([a / b for a, b in zip(*column) if b]) for column in zip(zip(*package), zip(*beside))]
+    ratios = [mean([a / b for a, b in zip(*column) if a and b]) for column in zip(zip(*package), zip(*beside))]
+    outside = [f"{100 * median((wall - solver) / wall for wall, _, solver in rows):.2f} %" for rows in (package, beside)]
     name = f"{fields['product']['count']} fillets, {threads} thread{'s' if threads > 1 else ''}"
     walls = [f"{median(row[0] for row in rows):.3f}" for rows in (package, beside)]
-    print(f"| {name} | {' | '.join([*walls, *ratios])} |", flush=True)
+    print(f"| {name} | {' | '.join([*walls, *ratios, *outside])} |", flush=True)
 
 
 def pools(runs: int, turns: int) -> None:
@@ -96,30 +99,34 @@ def pools(runs: int, turns: int) -> None:
     def run(scenario: roost.Scenario) -> roost.Result:
         return roost.run(scenario, threads=1, progress=False)
 
-    def wall_s(threads: int) -> float:
+    def times(threads: int) -> tuple[float, float]:
         with ThreadPoolExecutor(threads) as pool:
-            return timed(lambda: list(pool.map(run, scenarios)))[0]
+            return timed(lambda: list(pool.map(run, scenarios)))[:2]
 
-    walls = [(wall_s(1), wall_s(2)) for _ in range(turns)]
-    one, two = (median(column) for column in zip(*walls))
-    ratios = [first / second for first, second in walls]
-    print(f"| {runs} runs of {SMALL['product']['count']} fillets | {one:.2f} | {two:.2f} | {spread(ratios)} |", flush=True)
+    measured = [tuple(times(threads) for threads in (1, 2)) if turn % 2 else tuple(reversed([times(2), times(1)])) for turn in range(turns)]
+    walls = [f"{median(turn[pool][0] for turn in measured):.2f}" for pool in (0, 1)]
+    # How many cores the pool kept busy.
+    busy = [f"{median(turn[pool][1] / turn[pool][0] for turn in measured):.2f}" for pool in (0, 1)]
+    ratio = mean([one[0] / two[0] for one, two in measured])
+    name = f"{runs} runs of {SMALL['product']['count']} fillets"
+    print(f"| {name} | {' | '.join([*walls, ratio, *busy])} |", flush=True)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--pairs", type=int, default=21, help="pairs of the larger simulation; the small one has twice as many")
-    parser.add_argument("--turns", type=int, default=7, help="turns of the thread pools")
+    parser.add_argument("--pairs", type=int, default=100, help="pairs of each simulation")
+    parser.add_argument("--turns", type=int, default=20, help="turns of the thread pools")
     parser.add_argument("--runs", type=int, default=100, help="runs of a turn")
     given = parser.parse_args()
     load = f"{os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else "unknown"
     print(f"roost {roost.__version__}, solver revision {roost.SOLVER_REVISION}, {os.cpu_count()} processors, load {load}")
-    print("| simulation | roost.run (s) | roost run (s) | ratio | processor time | solver alone |\n|---|---|---|---|---|---|")
+    print("| simulation | roost.run (s) | roost run (s) | ratio | processor time | solver alone | outside the solver, roost.run | the same, roost run |")
+    print("|---" * 8 + "|")
     with TemporaryDirectory() as folder:
-        pairs(SMALL, 1, 2 * given.pairs, Path(folder))
+        pairs(SMALL, 1, given.pairs, Path(folder))
         pairs(SLICE, 1, given.pairs, Path(folder))
         pairs(SLICE, 2, given.pairs, Path(folder))
-    print("| runs | one thread (s) | two threads (s) | ratio |\n|---|---|---|---|")
+    print("| runs | one thread (s) | two threads (s) | ratio | cores busy, one thread | cores busy, two threads |\n" + "|---" * 6 + "|")
     pools(given.runs, given.turns)
 
 

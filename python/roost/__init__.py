@@ -6,6 +6,7 @@
 from ._native import SOLVER_REVISION
 from ._native import VERSION as __version__
 from .client import Client, Job, Study, Sweep
+from .documents import Untyped
 from .errors import ApiError, Fault, Interrupted, RoostError, ScenarioError
 from .result import Curve, Result, RunWarning
 from .running import Progress, run
@@ -28,6 +29,7 @@ __all__ = [
     "RunWarning",
     "Scenario",
     "ScenarioError",
+    "Untyped",
     "__version__",
     "run",
 ]

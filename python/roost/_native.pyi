@@ -2,8 +2,11 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import final
 
 from .recording import FrameOptions
+
+__all__ = ["VERSION", "SOLVER_REVISION", "Faults", "Refused", "Scenario"]
 
 VERSION: str
 SOLVER_REVISION: int
@@ -14,6 +17,7 @@ class Faults(Exception):
 class Refused(Exception):
     """A run cannot start: its argument is the reason."""
 
+@final
 class Scenario:
     def __new__(cls, text: str, folder: Path) -> Scenario: ...
     @property

@@ -17,17 +17,17 @@ import uuid
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, Union
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Union, overload
 
 from roost import tables
 from roost.api import documents
-from roost.api.documents import Document
 from roost.api.events import Event
 from roost.api.jobs import Job
 from roost.api.studies import Study
 from roost.api.sweeps import Format, Names, Sweep
 from roost.api.transport import Params, Transport, Unreachable, quoted
 from roost.api.units import Units
+from roost.documents import Document, JobInput, Stored, StudyInput, SweepInput
 from roost.errors import ApiError, Fault, RoostError
 from roost.models import (
     FailureClass,
@@ -48,6 +48,9 @@ from roost.models import (
 if TYPE_CHECKING:
     # Part of typing from Python 3.11 on; type checkers know it in any case.
     from typing_extensions import Unpack
+
+    from roost.fields import ScenarioDocument
+    from roost.scenario import Scenario
 
 __all__ = ["Client", "Event", "Format", "Job", "Options", "Study", "Sweep", "Unreachable"]
 
@@ -117,8 +120,17 @@ class Client:
 
     # Submissions
 
-    def submit(self, document: Document | JobEnvelope | SweepSpec | StudySpec, **options: Unpack[Options]) -> Job | Sweep | Study:
-        """Submits a scenario, a job, a sweep or a study: a dictionary, a `Scenario`, or the path of a JSON file.
+    @overload
+    def submit(self, document: SweepSpec, **options: Unpack[Options]) -> Sweep: ...
+    @overload
+    def submit(self, document: StudySpec, **options: Unpack[Options]) -> Study: ...
+    @overload
+    def submit(self, document: JobEnvelope | ScenarioDocument | Scenario, **options: Unpack[Options]) -> Job: ...
+    @overload
+    def submit(self, document: Stored, **options: Unpack[Options]) -> Job | Sweep | Study: ...
+    def submit(self, document: Document, **options: Unpack[Options]) -> Job | Sweep | Study:
+        """Submits a scenario, a job, a sweep or a study: a dictionary, a `Scenario`, or the path of a JSON file. Editors and type
+        checkers know the fields of a dictionary, and `roost.Untyped(fields)` takes one of a type that they do not know.
 
         Files that it names, such as `{"file": "hopper.stl", "units": "mm"}`, go with it. Their folder is that of the
         file, or the working folder.
@@ -129,25 +141,25 @@ class Client:
         """
         return self._submit(document, None, options)
 
-    def submit_job(self, document: Document | JobEnvelope, **options: Unpack[Options]) -> Job:
+    def submit_job(self, document: JobInput, **options: Unpack[Options]) -> Job:
         """Submits a scenario, or a job, which has it as `scenario`. See `submit`."""
         job = self._submit(document, "job", options)
         assert isinstance(job, Job)
         return job
 
-    def submit_sweep(self, document: Document | SweepSpec, **options: Unpack[Options]) -> Sweep:
+    def submit_sweep(self, document: SweepInput, **options: Unpack[Options]) -> Sweep:
         """Submits a sweep. See `submit`."""
         sweep = self._submit(document, "sweep", options)
         assert isinstance(sweep, Sweep)
         return sweep
 
-    def submit_study(self, document: Document | StudySpec, **options: Unpack[Options]) -> Study:
+    def submit_study(self, document: StudyInput, **options: Unpack[Options]) -> Study:
         """Submits a study, also a calibration, whose measurements may be the path of their file. See `submit`."""
         study = self._submit(document, "study", options)
         assert isinstance(study, Study)
         return study
 
-    def validate(self, document: Document | JobEnvelope | SweepSpec | StudySpec) -> ValidationReport:
+    def validate(self, document: Document) -> ValidationReport:
         """Checks a document, and estimates its cost, without storing it. The meshes that it names are uploaded.
 
         Raises the errors of `submit`.

@@ -9,6 +9,8 @@ import sys
 from collections.abc import Sequence
 from typing import Literal, TypeAlias, TypedDict, Union
 
+from roost.protocols import Array
+
 if sys.version_info >= (3, 11):
     from typing import Required
 else:
@@ -51,28 +53,28 @@ class HopperEquipmentSurfacesItem(TypedDict, total=False):
     runs like a belt. `moving`: the whole surface moves and turns. Source: assumed. Default: "fixed"."""
     name: Required[str]
     """Name of the surface in messages and series. Two surfaces must not have the same name. Source: assumed."""
-    orientation_deg: Sequence[float]
+    orientation_deg: Sequence[float] | Array
     """Rotation of the surface about `position_m` by three angles: first yaw (about z), then pitch (about the turned y
     axis), then roll (about the turned x axis). Unit: °. Source: assumed. Default: [0.0, 0.0, 0.0]."""
-    pivot_m: Sequence[float]
+    pivot_m: Sequence[float] | Array
     """For the motion `moving`: position of the pivot at t = 0. The pivot is the point about which the surface turns.
     Unit: m. Source: assumed. Default: [0.0, 0.0, 0.0]."""
-    plate_m: Sequence[Sequence[float]] | None
+    plate_m: Sequence[Sequence[float] | Array] | Array | None
     """Flat plate (parallelogram), instead of `mesh`: one corner, and two edges as vectors from this corner. Unit: m.
     Source: assumed. Default: null."""
-    position_m: Sequence[float]
+    position_m: Sequence[float] | Array
     """Position of the surface. Roost moves the origin of the surface's triangles to this position. Unit: m. Source:
     assumed. Default: [0.0, 0.0, 0.0]."""
     presence: Literal["always", "until_start"]
     """Time during which the surface exists. `always`: during the whole simulation. `until_start`: only before t = 0,
     like a shutter. Source: assumed. Default: "always"."""
-    spin_deg_s: Sequence[float]
+    spin_deg_s: Sequence[float] | Array
     """For the motion `moving`: angular velocity of the surface about the pivot, as a vector. Unit: °/s. Source:
     assumed. Default: [0.0, 0.0, 0.0]."""
     static_friction: float | None
     """Coulomb coefficient of friction of this surface. Null: the coefficient follows from `kind`. Source: assumed.
     Default: null. Range: ≥ 0 and ≤ 5."""
-    velocity_m_s: Sequence[float]
+    velocity_m_s: Sequence[float] | Array
     """For the motion `belt`: velocity of the belt's material. For the motion `moving`: velocity of the pivot, which is
     the point about which the surface turns. Unit: m/s. Source: assumed. Default: [0.0, 0.0, 0.0]."""
 
@@ -80,16 +82,16 @@ class HopperEquipmentSurfacesItem(TypedDict, total=False):
 class SceneBodiesItem(TypedDict, total=False):
     """This list has the bodies, with their shape, position, orientation and velocity."""
 
-    orientation_deg: Sequence[float]
+    orientation_deg: Sequence[float] | Array
     """Rotation of the body by three angles: first yaw (about z), then pitch (about the body's width), then roll (about
     the body's length). Unit: °. Source: assumed. Default: [0.0, 0.0, 0.0]."""
-    position_m: Required[Sequence[float]]
+    position_m: Required[Sequence[float] | Array]
     """Position of the body's centre of mass at the start. Unit: m. Source: assumed."""
     shape: int
     """Number of the body's shape. Shapes 0 and 1 belong to the first size in `/product/sizes_m`, shapes 2 and 3 to the
     second size, and so on. A shape with an odd number is a mirror image. Source: Fig. 1. Default: 0. Range: ≥ 0 and ≤
     63."""
-    velocity_m_s: Sequence[float]
+    velocity_m_s: Sequence[float] | Array
     """Velocity of the body at the start. Unit: m/s. Source: assumed. Default: [0.0, 0.0, 0.0]."""
 
 
@@ -110,28 +112,28 @@ class SceneSurfacesItem(TypedDict, total=False):
     runs like a belt. `moving`: the whole surface moves and turns. Source: assumed. Default: "fixed"."""
     name: Required[str]
     """Name of the surface in messages and series. Two surfaces must not have the same name. Source: assumed."""
-    orientation_deg: Sequence[float]
+    orientation_deg: Sequence[float] | Array
     """Rotation of the surface about `position_m` by three angles: first yaw (about z), then pitch (about the turned y
     axis), then roll (about the turned x axis). Unit: °. Source: assumed. Default: [0.0, 0.0, 0.0]."""
-    pivot_m: Sequence[float]
+    pivot_m: Sequence[float] | Array
     """For the motion `moving`: position of the pivot at t = 0. The pivot is the point about which the surface turns.
     Unit: m. Source: assumed. Default: [0.0, 0.0, 0.0]."""
-    plate_m: Sequence[Sequence[float]] | None
+    plate_m: Sequence[Sequence[float] | Array] | Array | None
     """Flat plate (parallelogram), instead of `mesh`: one corner, and two edges as vectors from this corner. Unit: m.
     Source: assumed. Default: null."""
-    position_m: Sequence[float]
+    position_m: Sequence[float] | Array
     """Position of the surface. Roost moves the origin of the surface's triangles to this position. Unit: m. Source:
     assumed. Default: [0.0, 0.0, 0.0]."""
     presence: Literal["always", "until_start"]
     """Time during which the surface exists. `always`: during the whole simulation. `until_start`: only before t = 0,
     like a shutter. Source: assumed. Default: "always"."""
-    spin_deg_s: Sequence[float]
+    spin_deg_s: Sequence[float] | Array
     """For the motion `moving`: angular velocity of the surface about the pivot, as a vector. Unit: °/s. Source:
     assumed. Default: [0.0, 0.0, 0.0]."""
     static_friction: float | None
     """Coulomb coefficient of friction of this surface. Null: the coefficient follows from `kind`. Source: assumed.
     Default: null. Range: ≥ 0 and ≤ 5."""
-    velocity_m_s: Sequence[float]
+    velocity_m_s: Sequence[float] | Array
     """For the motion `belt`: velocity of the belt's material. For the motion `moving`: velocity of the pivot, which is
     the point about which the surface turns. Unit: m/s. Source: assumed. Default: [0.0, 0.0, 0.0]."""
 
@@ -676,7 +678,7 @@ class HopperProduct(TypedDict, total=False):
     """All fillets have the shape with this number. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3
     to the second size, and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in
     turn. Source: Fig. 1. Default: null. Range: ≥ 0 and ≤ 63."""
-    sizes_m: Sequence[Sequence[float]]
+    sizes_m: Sequence[Sequence[float] | Array] | Array
     """Length, width and thickness of each size of fillet. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04],
     [0.172, 0.072, 0.032], [0.176, 0.072, 0.04]]."""
     spheres: bool
@@ -717,7 +719,7 @@ class DropProduct(TypedDict, total=False):
     """All fillets have the shape with this number. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3
     to the second size, and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in
     turn. Source: Fig. 1. Default: null. Range: ≥ 0 and ≤ 63."""
-    sizes_m: Sequence[Sequence[float]]
+    sizes_m: Sequence[Sequence[float] | Array] | Array
     """Length, width and thickness of each size of fillet. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04],
     [0.172, 0.072, 0.032], [0.176, 0.072, 0.04]]."""
     subparticle_density_kg_m3: float | None
@@ -750,7 +752,7 @@ class BendProduct(TypedDict, total=False):
     """All fillets have the shape with this number. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3
     to the second size, and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in
     turn. Source: Fig. 1. Default: 2. Range: ≥ 0 and ≤ 63."""
-    sizes_m: Sequence[Sequence[float]]
+    sizes_m: Sequence[Sequence[float] | Array] | Array
     """Length, width and thickness of each size of fillet. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04],
     [0.172, 0.072, 0.032], [0.176, 0.072, 0.04]]."""
     subparticle_density_kg_m3: float | None
@@ -783,7 +785,7 @@ class SlideProduct(TypedDict, total=False):
     """All fillets have the shape with this number. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3
     to the second size, and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in
     turn. Source: Fig. 1. Default: 2. Range: ≥ 0 and ≤ 63."""
-    sizes_m: Sequence[Sequence[float]]
+    sizes_m: Sequence[Sequence[float] | Array] | Array
     """Length, width and thickness of each size of fillet. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04],
     [0.172, 0.072, 0.032], [0.176, 0.072, 0.04]]."""
     subparticle_density_kg_m3: float | None
@@ -831,7 +833,7 @@ class SceneProduct(TypedDict, total=False):
     scale: float
     """Factor for the size of the bodies. Roost multiplies the lengths of the bodies and the radius of the sub-particles
     by this factor. Source: Fig. 12. Default: 1.0. Range: ≥ 0.05 and ≤ 20."""
-    sizes_m: Sequence[Sequence[float]]
+    sizes_m: Sequence[Sequence[float] | Array] | Array
     """Length, width and thickness of each size of fillet. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04],
     [0.172, 0.072, 0.032], [0.176, 0.072, 0.04]]."""
     spheres: bool
@@ -909,7 +911,7 @@ class Slide(TypedDict, total=False):
 class Compress(TypedDict, total=False):
     """Two plates compress a block of tissue."""
 
-    lattice: Sequence[int]
+    lattice: Sequence[int] | Array
     """Numbers of sub-particles of the block along x, y and z. For example, with R = 1.75 mm, a block of 10 × 10 × 3
     sub-particles measures 35 × 35 × 10.5 mm. Source: section 2.3.2. Default: [10, 10, 3]."""
     max_strain: float
@@ -934,7 +936,7 @@ class Scene(TypedDict, total=False):
 
     bodies: Sequence[SceneBodiesItem]
     """This list has the bodies, with their shape, position, orientation and velocity."""
-    gravity_direction: Sequence[float]
+    gravity_direction: Sequence[float] | Array
     """Direction of gravity, as a vector. The length of the vector has no effect, because `/numerics/gravity_m_s2` sets
     the acceleration. Source: assumed. Default: [0.0, 0.0, -1.0]."""
     margin_m: float
@@ -1111,3 +1113,41 @@ class SceneScenario(TypedDict, total=False):
 
 ScenarioDocument: TypeAlias = Union[HopperScenario, DropScenario, BendScenario, SlideScenario, CompressScenario, SceneScenario]
 """The scenario of any experiment."""
+
+
+class ScenarioChanges(TypedDict, total=False):
+    """New values of fields and sections."""
+
+    bend: Bend
+    """A fillet bends under its own weight. Only in `bend`."""
+    bonds: Bonds
+    """This section describes the bonds between the sub-particles of a body."""
+    compress: Compress
+    """Two plates compress a block of tissue. Only in `compress`."""
+    contact: HopperContact | DropContact | BendContact | SlideContact | CompressContact | SceneContact
+    """This section describes the contacts of sub-particles with each other and with the equipment."""
+    drop: Drop
+    """Fillets hit plates. Each fillet has a plate of its own. Only in `drop`."""
+    equipment: HopperEquipment
+    """This section describes the hopper, the gate and the belt. The default width and length of the hopper (Fig. 5) are
+    derived from other numbers of the paper. Only in `hopper`."""
+    experiment: Literal["hopper", "drop", "bend", "slide", "compress", "scene"]
+    """Kind of simulation. `hopper`: the discharge of a hopper (section 2.4). `drop`, `bend`, `slide` and `compress`:
+    the paper's small tests (section 2.3). `scene`: bodies and surfaces at positions that you choose. Source: section 2.
+    """
+    material: Material
+    """This section has the elastic constants of the tissue."""
+    numerics: HopperNumerics | DropNumerics | BendNumerics | SlideNumerics | CompressNumerics | SceneNumerics
+    """This section sets the time step, the duration, the time between samples, and the end of a simulation."""
+    product: HopperProduct | DropProduct | BendProduct | SlideProduct | CompressProduct | SceneProduct
+    """This section describes the bodies and their sub-particles. A body is a fillet, a block or a single sphere."""
+    scene: Scene
+    """This section places bodies and surfaces. Only in `scene`."""
+    schema: Literal["roost.scenario/2"]
+    """Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds
+    have no `reference_radius_m`. Source: format."""
+    seed: int
+    """Start value of all random numbers. With another seed, the random positions and angles are different. Source:
+    numerics."""
+    slide: Slide
+    """A fillet lies on a plate. The plate tilts until the fillet slides. Only in `slide`."""

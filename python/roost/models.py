@@ -6,8 +6,11 @@ Generated: write it with `python3 python/generate.py`, and change the Rust types
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, TypeAlias, TypedDict
+
+from roost.fields import ScenarioDocument
+from roost.protocols import Array, HasDocument, Response
 
 if sys.version_info >= (3, 11):
     from typing import NotRequired
@@ -300,12 +303,14 @@ class Design(TypedDict):
     """The kind."""
     points: NotRequired[int | None]
     """Number of points: `random`, `latin_hypercube` and `sobol`."""
-    rows: NotRequired[list[list[Any]] | None]
+    rows: NotRequired[Sequence[Sequence[Any] | Array] | Array | None]
     """`list`: a row for each point, with a value for each factor in order."""
     seed: NotRequired[int | None]
     """Seed of these points, independent of the seeds of jobs; 1 unless given."""
     table: NotRequired[str | None]
     """`csv`: the text of a CSV file, with a column for each factor under its pointer, and a line for each point."""
+    file: NotRequired[str]
+    """`csv`: the path of a CSV file, in place of `table`."""
 
 
 class DesignPoint(TypedDict):
@@ -354,13 +359,13 @@ class Estimate(TypedDict):
 class Extension(TypedDict):
     """An extension of a sweep: more points of the same design, more replicates of all points, or both."""
 
-    levels: NotRequired[Mapping[str, list[Any]] | None]
+    levels: NotRequired[Mapping[str, Sequence[Any] | Array] | None]
     """`grid` and `one_at_a_time`: further levels by factor."""
     points: NotRequired[int | None]
     """`random` and `sobol`: number of further points of the same sequence."""
     replicates: NotRequired[int | None]
     """Every design: number of further replicates of each point, with the next seeds."""
-    rows: NotRequired[list[list[Any]] | None]
+    rows: NotRequired[Sequence[Sequence[Any] | Array] | Array | None]
     """`list` and `csv`: further rows, as in the design."""
     table: NotRequired[str | None]
     """`list` and `csv`: further rows as the text of a CSV file."""
@@ -373,7 +378,7 @@ class Factor(TypedDict):
     """Number of levels from `low` to `high` in a `grid` or `one_at_a_time`; 2 unless given."""
     high: NotRequired[float | None]
     """The highest value of the range. Values of an integer field are integers."""
-    levels: NotRequired[list[Any] | None]
+    levels: NotRequired[Sequence[Any] | Array | None]
     """Its levels: numbers, words, or any value of the field."""
     low: NotRequired[float | None]
     """In place of levels: the lowest value of the range."""
@@ -505,7 +510,7 @@ class HandedOut(TypedDict):
     """Its replicate at the point."""
     run: int
     """Its number within the study, by which its outcome is told."""
-    scenario: Mapping[str, Any]
+    scenario: ScenarioDocument
     """Its complete scenario."""
     seed: int
     """Its seed."""
@@ -562,7 +567,7 @@ class JobEnvelope(TypedDict):
     """Requirements on the worker."""
     priority: NotRequired[int]
     """Jobs of higher priority are claimed first. Values outside -100 to 100 need a token with the scope `admin`."""
-    scenario: Mapping[str, Any]
+    scenario: ScenarioDocument | HasDocument
     """The scenario document."""
     shared_fill: NotRequired[bool]
     """Whether the run may start from a filled state that another run left, and leave its own. No result depends on it.
@@ -627,7 +632,7 @@ class JobView(TypedDict):
     """The project of this token."""
     replicate: NotRequired[int | None]
     """Replicate of the design point."""
-    responses: Mapping[str, Any]
+    responses: Mapping[str, Response]
     """Scalar results, once succeeded."""
     resumed_from_s: NotRequired[float | None]
     """Simulated time from which its newest attempt continues, in seconds; null if it began at zero."""
@@ -932,6 +937,8 @@ class PosteriorDraws(TypedDict):
     samples: NotRequired[list[list[float]] | None]
     """Samples: a value for each parameter, in the units of the fields."""
     study: NotRequired[SweepId | None]
+    file: NotRequired[str]
+    """The path of the answer of a calibration, in place of `parameters` and `samples`."""
 
 
 class Problem(TypedDict):
@@ -1122,7 +1129,7 @@ class RunOutcome(TypedDict):
     """Whether the run ended without a usable result."""
     given_back: NotRequired[bool]
     """Whether the client will not run it: it may then be handed out again."""
-    responses: NotRequired[Mapping[str, Any] | None]
+    responses: NotRequired[Mapping[str, Response] | None]
     """Responses by name, each one that a measure of the goal uses: a number, true or false; null where the run has
     none."""
     run: NotRequired[int | None]
@@ -1152,7 +1159,7 @@ class RunResult(TypedDict):
     instability: NotRequired[Instability | None]
     performance: Performance
     """The cost of the run."""
-    responses: Mapping[str, Any]
+    responses: Mapping[str, Response]
     """Scalar results by name, units last in the name; null where not reached. Empty for a cancelled run."""
     scenario: Mapping[str, Any]
     """The scenario as run, every default written out."""
@@ -1336,7 +1343,7 @@ class StudyRuns(TypedDict):
 class StudySpec(TypedDict):
     """A submitted study."""
 
-    base: NotRequired[Mapping[str, Any]]
+    base: NotRequired[ScenarioDocument | HasDocument]
     """The scenario that the factors vary. Each run has a seed of its own, which the server computes from the seed of
     this scenario, the values of the factors and the replicate. Left out in a calibration, whose tests have scenarios.
     """
@@ -1484,7 +1491,7 @@ class SweepSeries(TypedDict):
 class SweepSpec(TypedDict):
     """A submitted sweep. Replicate r of every design point runs with the seed `base.seed + r`."""
 
-    base: Mapping[str, Any]
+    base: ScenarioDocument | HasDocument
     """The scenario that the factors vary."""
     cache: NotRequired[Cache]
     """Whether cached results may be used."""
@@ -1589,7 +1596,7 @@ class TrialRow(TypedDict):
     """Design point."""
     replicate: int
     """Replicate."""
-    responses: Mapping[str, Any]
+    responses: Mapping[str, Response]
     """Scalar results."""
     seed: int
     """Seed."""

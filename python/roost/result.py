@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from .documents import Untyped
+from .protocols import Response
 from .scenario import Scenario
 
 if TYPE_CHECKING:
@@ -93,9 +95,10 @@ class Result:
         Path(path).write_text(f"{text}\n", encoding="utf-8")
 
     @property
-    def responses(self) -> dict[str, Any]:
-        """Scalar results by name. Units are last in names, as in `mean_rate_kg_s`. A response that was not reached is None."""
-        responses: dict[str, Any] = self.document["responses"]
+    def responses(self) -> dict[str, Response]:
+        """Scalar results by name: numbers, words, or true and false. Units are last in names, as in `mean_rate_kg_s`. A response
+        that was not reached is None."""
+        responses: dict[str, Response] = self.document["responses"]
         return responses
 
     @property
@@ -116,7 +119,7 @@ class Result:
     @property
     def scenario(self) -> Scenario:
         """The scenario as run. One with meshes cannot be read again, since the result holds only their digests."""
-        return Scenario(self.document["scenario"])
+        return Scenario(Untyped(self.document["scenario"]))
 
     @property
     def units(self) -> dict[str, str]:
@@ -128,7 +131,7 @@ class Result:
         with extra("pandas"):
             import pandas as pd
         times, columns = _aligned(self.series.values())
-        table = pd.DataFrame(columns, index=pd.Index(times, name="t_s"))
+        table: pd.DataFrame = pd.DataFrame(columns, index=pd.Index(times, name="t_s"))
         table.attrs["units"] = self.units
         return table
 
@@ -155,7 +158,7 @@ class Result:
         return xr.Dataset(data, coords=coords, attrs=about)
 
     def __repr__(self) -> str:
-        lines = [f"<Result {self.end_reason}>"]
+        lines = [f"<Result, end reason: {self.end_reason}>"]
         width = max(map(len, self.responses), default=0)
         lines += [f"  {name:{width}}  {_shown(value)}" for name, value in self.responses.items()]
         return "\n".join(lines + [f"  warning {warning}" for warning in self.warnings])

@@ -5,18 +5,17 @@ from __future__ import annotations
 import json
 import math
 import os
-import sys
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from tqdm.auto import tqdm
+from tqdm import tqdm
 
 from . import _native
-from .api.progress import width
+from .api.progress import draw_bar
+from .documents import ScenarioInput
 from .errors import Interrupted, RoostError
 from .recording import FrameFormat, FrameOptions, frame_options
 from .result import Result
@@ -64,7 +63,7 @@ class Progress:
 
 
 def run(
-    scenario: Scenario | Mapping[str, Any] | str | os.PathLike[str],
+    scenario: ScenarioInput,
     *,
     seed: int | None = None,
     threads: int = 0,
@@ -172,14 +171,7 @@ class _Bar:
     """A progress bar in a terminal or a notebook. Elsewhere, as in a log, it is invisible."""
 
     def __init__(self) -> None:
-        # A notebook has no terminal, and still shows bars.
-        hidden = False if _is_notebook() else None
-        # The text is the unit: tqdm writes a comma before a postfix.
-        form = "{desc} {percentage:3.0f}%|{bar}| {unit}"
-        rows = 20 if width() else None
-        self._bar = tqdm(
-            total=1.0, desc="simulating", unit="", bar_format=form, ncols=width(), nrows=rows, disable=hidden
-        )
+        self._bar = draw_bar("simulating", "{desc} {percentage:3.0f}%|{bar}| {unit}", is_shown=True)
 
     def update(self, progress: Progress) -> None:
         self._show(progress.fraction, str(progress))
@@ -194,9 +186,3 @@ class _Bar:
         self._bar.n = fraction
         self._bar.unit = text
         self._bar.refresh()
-
-
-def _is_notebook() -> bool:
-    """Whether this is the process of a notebook. Widgets import ipykernel in scripts too."""
-    kernel = sys.modules.get("ipykernel.kernelapp")
-    return kernel is not None and bool(kernel.IPKernelApp.initialized())

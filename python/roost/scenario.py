@@ -8,10 +8,29 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Union, cast, overload
 
 from . import _native
+from .documents import Untyped
 from .errors import Fault, ScenarioError
+from .protocols import HasDocument
+
+if TYPE_CHECKING:
+    # Part of typing from Python 3.11 on; type checkers know it in any case.
+    from typing_extensions import Unpack
+
+    from .documents import ScenarioInput
+    from .fields import (
+        BendScenario,
+        CompressScenario,
+        DropScenario,
+        HopperScenario,
+        ScenarioChanges,
+        SceneScenario,
+        SlideScenario,
+    )
+
+Folder = Union[str, "os.PathLike[str]"]
 
 
 @dataclass(frozen=True)
@@ -40,28 +59,52 @@ class Scenario:
 
     `Scenario("hopper.json")` reads a file. `Scenario({"experiment": "hopper", …})` and `Scenario(experiment="hopper", …)` take
     fields, and arrays of numpy may be among them. Mesh files, `{"file": "hopper.stl", "units": "mm"}`, are relative to the folder
-    of the scenario's file, or else to `folder`.
+    of the scenario's file, or else to `folder`. Editors and type checkers know the fields. `Scenario(roost.Untyped(fields))` takes a
+    dictionary of a type that they do not know.
 
     Raises `ScenarioError` with every fault. Equal scenarios have equal digests.
     """
 
+    @overload
+    def __init__(self, source: ScenarioInput, /, *, folder: Folder = ".") -> None: ...
+    @overload
+    def __init__(self, /, *, folder: Folder = ".", **fields: Unpack[HopperScenario]) -> None: ...
+    @overload
+    def __init__(self, /, *, folder: Folder = ".", **fields: Unpack[DropScenario]) -> None: ...
+    @overload
+    def __init__(self, /, *, folder: Folder = ".", **fields: Unpack[BendScenario]) -> None: ...
+    @overload
+    def __init__(self, /, *, folder: Folder = ".", **fields: Unpack[SlideScenario]) -> None: ...
+    @overload
+    def __init__(self, /, *, folder: Folder = ".", **fields: Unpack[CompressScenario]) -> None: ...
+    @overload
+    def __init__(self, /, *, folder: Folder = ".", **fields: Unpack[SceneScenario]) -> None: ...
     def __init__(
         self,
-        source: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+        source: ScenarioInput | None = None,
         /,
         *,
-        folder: str | os.PathLike[str] = ".",
+        folder: Folder = ".",
         **fields: Any,
     ) -> None:
-        if source is None or isinstance(source, Mapping):
-            text = json.dumps({**(source or {}), **fields}, allow_nan=False, default=_plain)
+        given: Mapping[str, Any] | None = {} if source is None else None
+        if isinstance(source, Scenario):
+            if folder != ".":
+                raise TypeError("a scenario has its folder: folder= is for fields")
+            given, folder = source._given, source._folder
+        elif isinstance(source, HasDocument):
+            given = source.to_dict()
+        elif isinstance(source, Mapping):
+            given = cast("Mapping[str, Any]", source)
+        if given is not None:
+            text = json.dumps({**given, **fields}, allow_nan=False, default=_plain)
         elif fields:
             raise TypeError("a scenario is either a file or fields: change those of a file by with_()")
         else:
-            path = Path(source)
+            path = Path(cast("str | os.PathLike[str]", source))
             text, folder = path.read_text(encoding="utf-8-sig"), path.parent
         # Absolute, so that a later change of the working directory does not matter.
-        self._folder = Path(folder).absolute()
+        self._folder: Path = Path(folder).absolute()
         try:
             self._native = _native.Scenario(text, self._folder)
         except _native.Faults as error:
@@ -70,7 +113,7 @@ class Scenario:
 
     @property
     def given(self) -> dict[str, Any]:
-        """The fields as they were given, without defaults."""
+        """The fields as they were given, without defaults. `Scenario(roost.Untyped(fields))` takes them again."""
         return copy.deepcopy(self._given)
 
     @property
@@ -93,7 +136,7 @@ class Scenario:
         document: dict[str, Any] = json.loads(self._native.document)
         return document
 
-    def with_(self, changes: Mapping[str, Any] | None = None, /, **fields: Any) -> Scenario:
+    def with_(self, changes: Mapping[str, Any] | None = None, /, **fields: Unpack[ScenarioChanges]) -> Scenario:
         """This scenario with other values, named by JSON pointer or by field.
 
         `scenario.with_({"/equipment/gate_opening_m": 0.06}, seed=2)`. Values that follow from others are found again.
@@ -101,7 +144,7 @@ class Scenario:
         document = self.given
         for pointer, value in {**(changes or {}), **{f"/{name}": value for name, value in fields.items()}}.items():
             _put(document, pointer, value)
-        return Scenario(document, folder=self._folder)
+        return Scenario(Untyped(document), folder=self._folder)
 
     def check(self) -> Estimate:
         """Checks whether the fillets fit and the time step is stable, and estimates the cost. Raises `ScenarioError`."""
@@ -125,7 +168,7 @@ class Scenario:
 
 
 def _restore(given: dict[str, Any], folder: Path) -> Scenario:
-    return Scenario(given, folder=folder)
+    return Scenario(Untyped(given), folder=folder)
 
 
 def _scenario_error(error: _native.Faults) -> ScenarioError:

@@ -100,7 +100,7 @@ class Results:
         """A data frame of pandas. `attrs` has `units` and `pointers` by column, and the id of the `sweep`."""
         import pandas
 
-        frame = pandas.DataFrame(self.columns)
+        frame: pandas.DataFrame = pandas.DataFrame(self.columns)
         frame.attrs = {"units": self.units, "pointers": self.pointers, "sweep": self.sweep["id"]}
         return frame
 
@@ -174,7 +174,7 @@ def short_names(columns: Sequence[str]) -> list[str]:
 
 
 def scan_parquet(path: str | os.PathLike[str]) -> polars.LazyFrame:
-    """Results in a Parquet file as a lazy frame of polars, with short column names."""
+    """Results in a Parquet file as a lazy frame of polars, with short column names. `units_of_parquet` has the units."""
     import polars
 
     frame = polars.scan_parquet(os.fspath(path))
@@ -182,16 +182,28 @@ def scan_parquet(path: str | os.PathLike[str]) -> polars.LazyFrame:
     return frame.rename(dict(zip(names, short_names(names))))
 
 
-def curves(answers: Sequence[tuple[str, str, Sequence[Any]]], results: Results, samples: int) -> xarray.Dataset:
-    """Series of jobs as a dataset over `design`, `replicate` and belt time `t_s`.
+def units_of_parquet(path: str | os.PathLike[str]) -> dict[str, str]:
+    """The units of the columns of a Parquet file of results, by short name. Columns without a unit are not among them."""
+    import polars
 
-    An answer has name, unit and the series of the jobs.
+    units: dict[str, str] = json.loads(polars.read_parquet_metadata(os.fspath(path)).get("roost.units", "{}"))
+    names = polars.read_parquet_schema(os.fspath(path))
+    return {short: units[name] for name, short in zip(names, short_names(list(names))) if name in units}
+
+
+def curves(answers: Sequence[tuple[str, str, Sequence[Any]]], results: Results, samples: int) -> xarray.Dataset:
+    """Series of jobs as a dataset over `design`, `seed` and belt time `t_s`.
+
+    Where design points have different seeds, the second dimension is `replicate`, and `seed` is a coordinate of both. An answer has
+    name, unit and the series of the jobs.
     """
     import numpy
     import xarray
 
     designs = sorted({row["point"] for row in results.rows})
     replicates = sorted({row["replicate"] for row in results.rows})
+    seeds = _common_seeds(results, replicates)
+    second = "replicate" if seeds is None else "seed"
     places = {(design, replicate): (i, j) for i, design in enumerate(designs) for j, replicate in enumerate(replicates)}
     items = [item for _, _, of_jobs in answers for item in of_jobs]
     times = _common_times([item["t_s"] for item in items], samples)
@@ -203,13 +215,16 @@ def curves(answers: Sequence[tuple[str, str, Sequence[Any]]], results: Results, 
                 own_times = numpy.round(numpy.asarray(item["t_s"], dtype=float), _DECIMALS)
                 place = places[item["point"], item["replicate"]]
                 values[place] = numpy.interp(times, own_times, item["values"], left=math.nan, right=math.nan)
-        variables[name] = (("design", "replicate", "t_s"), values, {"units": unit})
+        variables[name] = (("design", second, "t_s"), values, {"units": unit})
     coordinates: dict[str, Any] = {
         "design": designs,
-        "replicate": replicates,
+        "replicate": (second, replicates),
         "t_s": ("t_s", times, {"units": "s", "long_name": "belt time"}),
-        "seed": (("design", "replicate"), _seeds(results, places, (len(designs), len(replicates)))),
     }
+    if seeds is None:
+        coordinates["seed"] = (("design", "replicate"), _seeds(results, places, (len(designs), len(replicates))))
+    else:
+        coordinates["seed"] = seeds
     for name in results.factors:
         levels = dict(zip(results.columns["point"], results.columns[name]))
         column = [levels[design] for design in designs]
@@ -223,7 +238,7 @@ def samples(factors: Sequence[str], rows: Sequence[Sequence[float]], units: Unit
     import pandas
 
     names = short_names(factors)
-    frame = pandas.DataFrame(list(rows), columns=pandas.Index(names))
+    frame: pandas.DataFrame = pandas.DataFrame(list(rows), columns=pandas.Index(names))
     frame.attrs = {
         "units": {name: units.of_field(pointer) for name, pointer in zip(names, factors)},
         "pointers": dict(zip(names, factors)),
@@ -290,6 +305,14 @@ def _common_times(all_times: Sequence[Sequence[float]], samples: int) -> numpy.n
     if len(times) > samples:
         times = numpy.linspace(float(times[0]), float(times[-1]), samples)
     return times
+
+
+def _common_seeds(results: Results, replicates: Sequence[int]) -> list[int] | None:
+    """The seed of each replicate, if all design points have the same seeds, and different replicates have different ones."""
+    found = {(row["replicate"], row["seed"]) for row in results.rows}
+    seeds = dict(found)
+    is_common = len(found) == len(replicates) == len(set(seeds.values()))
+    return [seeds[replicate] for replicate in replicates] if is_common else None
 
 
 def _seeds(

@@ -7,11 +7,12 @@ import os
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import pytest
 
-Fields = dict[str, Any]
+Fields: TypeAlias = Any
+"""A document that tests change, also into a wrong one: no type of the package."""
 
 
 def hopper(duration_s: float) -> Fields:

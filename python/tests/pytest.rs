@@ -1,4 +1,4 @@
-//! The tests of the Python package: pytest, and the types by mypy and pyright.
+//! The tests of the Python package: pytest, the types by mypy and pyright, and the stub of the native module by stubtest.
 //!
 //! They use the package of the sources with the native module of this build, and the tools of `make python-tools`.
 
@@ -89,6 +89,15 @@ fn types_pass_mypy() {
     run(Command::new(tool("python/bin/mypy"))
         .args(["roost", "tests", "benches", "examples", "--cache-dir"])
         .arg(cache));
+}
+
+/// The stub of the sources is compared with the module of this build.
+#[test]
+fn the_stub_is_that_of_the_native_module() {
+    let configuration = sources().join("pyproject.toml");
+    run(Command::new(tool("python/bin/stubtest"))
+        .args(["roost._native", "--mypy-config-file"])
+        .arg(configuration));
 }
 
 #[test]

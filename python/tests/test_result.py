@@ -24,7 +24,7 @@ def test_a_result_is_saved_and_loaded(hopper_result: roost.Result, tmp_path: Pat
 
 def test_a_result_shows_its_responses(hopper_result: roost.Result) -> None:
     shown = repr(hopper_result)
-    assert shown.startswith("<Result duration>") and "discharged_kg" in shown
+    assert shown.startswith("<Result, end reason: duration>") and "discharged_kg" in shown
     assert all(str(warning) in shown for warning in hopper_result.warnings)
     assert repr(hopper_result.series["discharged_mass"]) == "<Curve discharged_mass in kg over t: 26 values>"
 

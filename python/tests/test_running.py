@@ -6,20 +6,40 @@ import importlib
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from typing import get_args
 
 import pytest
 
 import roost
 from conftest import Fields, hopper, physics, slow_hopper
+from roost.fields import ScenarioDocument
 
-BEND: Fields = {"experiment": "bend", "product": {"subparticle_radius_m": 0.009}, "numerics": {"timestep_s": "auto"}}
+COARSE: Fields = {"product": {"subparticle_radius_m": 0.009}, "numerics": {"timestep_s": "auto"}}
+PLATE: Fields = {"name": "plate", "plate_m": [[-0.2, -0.2, 0], [0.4, 0, 0], [0, 0.4, 0]]}
+SMALL: Fields = {
+    "hopper": hopper(0.5),
+    "drop": {"experiment": "drop", **COARSE, "product": {"count": 2, "subparticle_radius_m": 0.009}},
+    "bend": {"experiment": "bend", **COARSE},
+    "slide": {"experiment": "slide", **COARSE, "slide": {"tilt_rate_deg_s": 30}},
+    "compress": {"experiment": "compress", **COARSE, "compress": {"lattice": [4, 4, 3], "strain_rate_1_s": 1.0}},
+    "scene": {
+        "experiment": "scene",
+        **COARSE,
+        "scene": {"bodies": [{"position_m": [0, 0, 0.05]}], "surfaces": [PLATE]},
+        "numerics": {"timestep_s": "auto", "duration_s": 0.2},
+    },
+}
 
 
-@pytest.mark.parametrize("fields", [hopper(0.5), BEND], ids=["hopper", "bend"])
+@pytest.mark.parametrize("fields", SMALL.values(), ids=SMALL)
 def test_a_run_has_the_bits_of_the_command(fields: Fields, roost_run: Callable[..., Fields]) -> None:
     result = roost.run(fields, progress=False)
     assert physics(result.document) == physics(roost_run(fields))
     assert result.responses and result.scenario.digest == result.document["scenario_digest"]
+
+
+def test_the_bits_of_every_experiment_are_compared() -> None:
+    assert {scenario.__name__ for scenario in get_args(ScenarioDocument)} == {f"{name.capitalize()}Scenario" for name in SMALL}
 
 
 def test_a_seed_takes_the_place_of_the_scenarios() -> None:

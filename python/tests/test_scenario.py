@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import pickle
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 
 import roost
 from conftest import hopper
+from roost import scenario
+from roost.fields import ScenarioDocument
 
 
 def test_defaults_are_filled_in_and_a_file_gives_the_same_scenario(tmp_path: Path) -> None:
@@ -19,9 +22,24 @@ def test_defaults_are_filled_in_and_a_file_gives_the_same_scenario(tmp_path: Pat
     assert "belt_speed_m_s" not in scenario.given["equipment"]
     file = tmp_path / "hopper.json"
     file.write_text(json.dumps(hopper(0.5)))
-    for other in (roost.Scenario(file), roost.Scenario(str(file)), roost.Scenario(scenario.to_dict())):
+    for other in (roost.Scenario(file), roost.Scenario(str(file)), roost.Scenario(roost.Untyped(scenario.to_dict()))):
         assert other == scenario and hash(other) == hash(scenario)
     assert scenario.with_(seed=2) != scenario
+
+
+def test_every_experiment_has_its_keywords() -> None:
+    source = Path(scenario.__file__).read_text(encoding="utf-8")
+    for experiment in get_args(ScenarioDocument):
+        assert f"**fields: Unpack[{experiment.__name__}]" in source
+
+
+def test_a_dictionary_of_unknown_type_is_taken_as_a_document() -> None:
+    untyped = roost.Untyped(hopper(0.5))
+    scenario = roost.Scenario(untyped)
+    assert scenario == roost.Scenario(hopper(0.5)) == roost.Scenario(scenario)
+    assert roost.run(untyped, progress=False).scenario == scenario
+    with pytest.raises(roost.ScenarioError, match="/experiment"):
+        roost.Scenario(roost.Untyped({}))
 
 
 def test_every_fault_is_raised_with_its_place() -> None:
@@ -61,15 +79,18 @@ def test_a_file_that_is_no_json_names_the_place(tmp_path: Path) -> None:
 
 def test_changes_go_into_the_given_fields() -> None:
     scenario = roost.Scenario(hopper(0.5))
-    gates = [scenario.with_({"/equipment/gate_opening_m": gate}, seed=np.int64(2)) for gate in np.linspace(0.05, 0.06, 2)]
+    gates = [
+        scenario.with_({"/equipment/gate_opening_m": gate, "/product/count": np.int64(3)}, seed=2)
+        for gate in np.linspace(0.05, 0.06, 2)
+    ]
     assert [gate.to_dict()["equipment"]["gate_opening_m"] for gate in gates] == [0.05, 0.06]
-    assert gates[0].given["seed"] == 2 and "seed" not in scenario.given
+    assert gates[0].given["product"]["count"] == 3 and gates[0].given["seed"] == 2 and "seed" not in scenario.given
     with pytest.raises(roost.ScenarioError, match="/equipment/gate: is not a known field"):
         scenario.with_({"/equipment/gate": 0.06})
     with pytest.raises(ValueError, match="no JSON pointer"):
         scenario.with_({"gate": 0.06})
     with pytest.raises(TypeError, match="no value of a scenario"):
-        scenario.with_(seed=object())
+        scenario.with_({"/seed": object()})
 
 
 def wall(path: Path) -> None:
@@ -95,8 +116,10 @@ def test_mesh_files_are_relative_to_the_file_of_the_scenario(tmp_path: Path) -> 
     assert pickle.loads(pickle.dumps(scenario)).meshes == scenario.meshes
     with pytest.raises(roost.ScenarioError, match="/equipment/surfaces/0/mesh/file: cannot read"):
         roost.Scenario(fields, folder=tmp_path / "parts")
+    # A scenario as a source keeps its folder.
+    assert roost.Scenario(scenario).check().fillets == 2
     # A digest alone names a mesh at a server: the fields are sound, and a run is refused.
-    elsewhere = roost.Scenario(scenario.to_dict())
+    elsewhere = roost.Scenario(roost.Untyped(scenario.to_dict()))
     assert elsewhere == scenario
     with pytest.raises(roost.ScenarioError, match="/equipment/surfaces/0/mesh/digest"):
         elsewhere.check()

@@ -28,7 +28,7 @@ def row(result: Result) -> dict[str, float]:
     return {
         "gate_opening_m": scenario["equipment"]["gate_opening_m"],
         "seed": scenario["seed"],
-        "mean_rate_kg_s": float("nan") if rate is None else rate,
+        "mean_rate_kg_s": rate if isinstance(rate, float) else float("nan"),
     }
 
 

@@ -11,22 +11,12 @@ import json
 import os
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Literal, Protocol, TypeGuard, Union, cast, runtime_checkable
+from typing import Any, Literal, TypeGuard, cast
 
+from roost.documents import Document
 from roost.errors import ApiError, Fault, RoostError, ScenarioError
+from roost.protocols import HasDocument
 
-
-@runtime_checkable
-class HasDocument(Protocol):
-    """An object that is a document, such as `roost.Scenario`."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """The document."""
-        ...
-
-
-Document = Union[Mapping[str, Any], HasDocument, str, "os.PathLike[str]"]
-"""A document: a dictionary, an object with `to_dict()`, or the path of a JSON file."""
 
 Kind = Literal["scenario", "job", "sweep", "study", "measurements"]
 
@@ -214,7 +204,7 @@ def _plain(document: Any) -> dict[str, Any]:
     return plain
 
 
-def _as_given(value: HasDocument) -> dict[str, Any]:
+def _as_given(value: HasDocument) -> Mapping[str, Any]:
     """The document of an object: of a `roost.Scenario` the fields that it was given, with the full paths of its mesh files.
 
     Its defaults stay out, because a factor of a sweep may change the defaults of other fields.

@@ -11,6 +11,7 @@ from roost.api.events import Event
 from roost.api.progress import follow
 from roost.api.transport import Transport, quoted
 from roost.models import FailureClass, Forecast, JobState, JobView
+from roost.protocols import Response
 
 if TYPE_CHECKING:
     from roost.result import Result
@@ -48,7 +49,7 @@ class Job:
         return self.state in _ENDED
 
     @property
-    def responses(self) -> Mapping[str, Any]:
+    def responses(self) -> Mapping[str, Response]:
         """Its scalar results by name; empty before it has succeeded."""
         return self.view["responses"]
 

@@ -1,13 +1,20 @@
-"""Progress bars for waiting, in terminals and notebooks. Other outputs, such as log files, get a plain line now and then."""
+"""Progress bars for waiting, in terminals and notebooks. Other outputs, such as log files, get a plain line now and then.
+
+A notebook without ipywidgets has a bar of text.
+"""
 
 from __future__ import annotations
 
 import os
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Callable
-from typing import TypeVar
+from typing import TYPE_CHECKING, NoReturn, TypeVar
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
 
 View = TypeVar("View")
 
@@ -23,21 +30,8 @@ class Bar:
     def __init__(self, name: str, *, is_shown: bool) -> None:
         self._name = name
         self._last_line = time.monotonic()
-        with warnings.catch_warnings():
-            # In a notebook without ipywidgets tqdm warns, and draws its bar as text.
-            warnings.simplefilter("ignore")
-            from tqdm.auto import tqdm
-
-            self._bar = tqdm(
-                total=1.0,
-                desc=name,
-                unit="",
-                ncols=width(),
-                nrows=20 if width() else None,
-                disable=None if is_shown else True,
-                # The text is the unit: tqdm writes a comma before a postfix.
-                bar_format="{desc}: {percentage:3.0f}%|{bar}| {unit} [{elapsed}, {remaining} left]",
-            )
+        form = "{desc}: {percentage:3.0f}%|{bar}| {unit} [{elapsed}, {remaining} left]"
+        self._bar = draw_bar(name, form, is_shown=is_shown)
         self._has_lines = is_shown and bool(self._bar.disable)
 
     def update(self, fraction: float, text: str) -> None:
@@ -54,12 +48,53 @@ class Bar:
         self._bar.close()
 
 
+def draw_bar(name: str, form: str, *, is_shown: bool) -> tqdm[NoReturn]:
+    """A bar of tqdm from 0 to 1. Its text is its `unit`, since tqdm writes a comma before a postfix.
+
+    In a notebook it is a widget, or a line of text without ipywidgets. It is disabled where the output is neither a notebook nor
+    a terminal.
+    """
+    columns = width()
+    rows = 20 if columns else None
+    if not is_notebook():
+        from tqdm import tqdm
+
+        # With None, tqdm disables the bar where the output is no terminal.
+        disabled = None if is_shown else True
+        return tqdm(total=1.0, desc=name, unit="", bar_format=form, ncols=columns, nrows=rows, disable=disabled)
+    # The output of a notebook is no terminal.
+    widget = _widget()
+    return widget(total=1.0, desc=name, unit="", bar_format=form, ncols=columns, nrows=rows, disable=not is_shown)
+
+
+_importing = threading.Lock()
+
+
+def _widget() -> type[tqdm[NoReturn]]:
+    """The bar of notebooks."""
+    with _importing:
+        if "tqdm.auto" not in sys.modules:
+            # Only at the first import, and one thread at a time: the filter is one for all threads.
+            with warnings.catch_warnings():
+                # tqdm warns where ipywidgets is missing.
+                warnings.simplefilter("ignore")
+                import tqdm.auto
+        from tqdm.auto import tqdm as widget
+    return widget
+
+
 def width() -> int | None:
     """The width of bars in a terminal that does not know its own; None leaves it to tqdm."""
     try:
         return 80 if os.get_terminal_size(sys.stderr.fileno()).columns == 0 else None
     except (OSError, ValueError):
         return None
+
+
+def is_notebook() -> bool:
+    """Whether this is the process of a notebook. Widgets import ipykernel in scripts too."""
+    kernel = sys.modules.get("ipykernel.kernelapp")
+    return kernel is not None and bool(kernel.IPKernelApp.initialized())
 
 
 def follow(

@@ -16,7 +16,7 @@ from roost.api.progress import follow
 from roost.api.transport import Params, Transport, quoted
 from roost.api.units import Units
 from roost.errors import RoostError
-from roost.models import FailureClass, Forecast, JobSeries, JobState, SweepDifferences, SweepEffects, SweepView
+from roost.models import FailureClass, Forecast, JobSeries, JobState, SweepDifferences, SweepEffects, SweepSpec, SweepView
 
 if TYPE_CHECKING:
     import pandas
@@ -154,9 +154,9 @@ class Sweep:
         report: dict[str, Any] = answer.json()
         return report
 
-    def spec(self) -> dict[str, Any]:
+    def spec(self) -> SweepSpec:
         """The submitted document, to change and submit it as another sweep."""
-        document: dict[str, Any] = self._transport.get(f"{self._path}/spec")
+        document: SweepSpec = self._transport.get(f"{self._path}/spec")
         return document
 
     def forecast(self) -> Forecast:
@@ -216,8 +216,10 @@ class Sweep:
     def to_xarray(self, *names: str, samples: int = 200) -> xarray.Dataset:
         """Series of all jobs over time, such as `to_xarray("discharged_mass")`.
 
-        The dimensions are `design`, `replicate` and the belt time `t_s`. Factors are coordinates of `design`. Jobs
-        with other times are interpolated, and have NaN before their first and behind their last sample.
+        The dimensions are `design`, `seed` and the belt time `t_s`. Factors are coordinates of `design`, and the replicate is one of
+        `seed`. If the seeds of the design points differ, as in studies and in sweeps with the factor `/seed`, the second dimension
+        is `replicate`, and `seed` is a coordinate of `design` and `replicate`. Jobs with other times are interpolated, and have NaN
+        before their first and behind their last sample.
         """
         if not names:
             known = ", ".join(sorted({row["name"] for row in self._units.outputs["series"]}))
@@ -258,7 +260,7 @@ class Sweep:
     def scan_parquet(self, path: str | os.PathLike[str], *, by: tables.By = "trial") -> polars.LazyFrame:
         """Downloads its results as Parquet, and scans the file lazily with polars, with short column names.
 
-        For sweeps that do not fit into memory.
+        For sweeps that do not fit into memory. `roost.tables.units_of_parquet(path)` has the units of the columns.
         """
         return tables.scan_parquet(self.download(path, format="parquet", by=by))
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from roost.client import Client
+from roost.client import Client, Sweep
 
-from .servers import Farm, hopper
+from .servers import Document, Farm, hopper
 
 
 @pytest.fixture(scope="session")
@@ -36,7 +35,7 @@ def own_farm(tmp_path: Path) -> Iterator[Farm]:
 
 
 @pytest.fixture(scope="session")
-def sweep_document() -> dict[str, Any]:
+def sweep_document() -> Document:
     """Two gates, of which the first jams, by two frictions of the belt by two seeds."""
     base = hopper(2.0)
     base["numerics"].pop("stop")
@@ -50,3 +49,11 @@ def sweep_document() -> dict[str, Any]:
         ],
         "replicates": 2,
     }
+
+
+@pytest.fixture(scope="session")
+def sweep(client: Client, sweep_document: Document) -> Sweep:
+    """Its eight jobs, which have succeeded. No test changes it."""
+    sweep = client.submit_sweep(sweep_document).wait(180, progress=False)
+    assert sweep.view["counts"]["succeeded"] == 8, sweep
+    return sweep

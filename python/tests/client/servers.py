@@ -5,9 +5,12 @@ from __future__ import annotations
 import os
 import subprocess
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from roost.client import Client
+
+Document: TypeAlias = Any
+"""A document that tests change, also into a wrong one: no type of the package."""
 
 ROOT = Path(__file__).resolve().parents[3]
 ROOST = os.environ.get("ROOST_COMMAND", str(ROOT / "target/debug/roost"))
@@ -75,7 +78,7 @@ class Farm:
         return process
 
 
-def hopper(duration_s: float = 0.5, **fields: Any) -> dict[str, Any]:
+def hopper(duration_s: float = 0.5, **fields: Any) -> Document:
     """A scenario of two coarse fillets in a small hopper, which takes a fraction of a second."""
     return {
         "experiment": "hopper",
@@ -86,7 +89,7 @@ def hopper(duration_s: float = 0.5, **fields: Any) -> dict[str, Any]:
     }
 
 
-def slow_hopper() -> dict[str, Any]:
+def slow_hopper() -> Document:
     """A scenario that takes minutes."""
     scenario = hopper(500.0)
     scenario["equipment"]["belt_speed_m_s"] = 0.005

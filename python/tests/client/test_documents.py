@@ -12,8 +12,11 @@ import pytest
 
 from roost.api.documents import complete, kind_of, load
 from roost.client import Client
+from roost.documents import Untyped
 from roost.errors import RoostError, ScenarioError
 from roost.scenario import Scenario
+
+from .servers import Document
 
 
 def box_stl() -> bytes:
@@ -25,7 +28,7 @@ def box_stl() -> bytes:
     return bytes(80) + struct.pack("<I", len(rows)) + b"".join(rows)
 
 
-def scene(mesh: Any) -> dict[str, Any]:
+def scene(mesh: Any) -> Document:
     """A fillet above a surface from CAD."""
     surface = {"name": "block", "mesh": mesh}
     return {"experiment": "scene", "scene": {"bodies": [{"shape": 0, "position_m": [0.06, 0.03, 0.1]}], "surfaces": [surface]}}
@@ -57,7 +60,7 @@ def test_every_unusable_file_is_a_fault(client: Client, tmp_path: Path) -> None:
 def test_meshes_stand_in_levels_rows_and_bases(tmp_path: Path) -> None:
     (tmp_path / "a.stl").write_bytes(b"a")
     mesh = {"file": "a.stl", "units": "mm"}
-    document: dict[str, Any] = {
+    document: Document = {
         "base": scene(mesh),
         "factors": [
             {"pointer": "/scene/surfaces/0/mesh", "levels": [mesh, None]},
@@ -112,7 +115,7 @@ def test_fields_decide_the_kind() -> None:
 def test_a_scenario_brings_its_fields_and_files_but_no_defaults(tmp_path: Path) -> None:
     (tmp_path / "block.stl").write_bytes(box_stl())
     scenario = Scenario(scene({"file": "block.stl", "units": "mm"}), folder=tmp_path)
-    plain, folder = load({"base": scenario})
+    plain, folder = load(Untyped({"base": scenario}))
     assert plain["base"] == scene({"file": str(tmp_path / "block.stl"), "units": "mm"})
     sent: list[bytes] = []
 
@@ -129,11 +132,13 @@ def test_arrays_and_documents_within_become_json(tmp_path: Path) -> None:
         def to_dict(self) -> dict[str, Any]:
             return {"experiment": "hopper"}
 
-    plain, _ = load({"base": Scenario(), "levels": numpy.linspace(0, 1, 3), "count": numpy.int64(3)})
+    document: Document = {"base": Scenario(), "levels": numpy.linspace(0, 1, 3), "count": numpy.int64(3)}
+    plain, _ = load(document)
+    assert load(Untyped(document))[0] == plain
     assert plain == {"base": {"experiment": "hopper"}, "levels": [0.0, 0.5, 1.0], "count": 3}
     assert load(Scenario())[0] == {"experiment": "hopper"}
     with pytest.raises(RoostError, match="no JSON"):
-        load({"x": float("nan")})
+        load(Untyped({"x": float("nan")}))
     path = tmp_path / "broken.json"
     path.write_text("{", encoding="utf-8")
     with pytest.raises(RoostError, match="broken.json is no JSON"):

@@ -1,4 +1,4 @@
-"""The examples of docs/howto/python.md that use a server, run in their order, with fewer and smaller simulations."""
+"""The examples of docs/howto that use a server, run in their order, with fewer and smaller simulations."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import matplotlib
 import pytest
 
-from roost.client import Client
+from roost.client import Client, Sweep
 
 from .servers import ROOT, Farm
 
@@ -39,3 +39,20 @@ def test_the_page_runs(farm: Farm, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     head, units = (tmp_path / "gates.csv").read_text(encoding="utf-8").splitlines()[:2]
     assert dict(zip(head.split(","), units.split(",")))["gate_opening_m"] == "m"
     assert isinstance(names["client"], Client) and names["share"].n == 6
+
+
+def test_the_page_of_results_runs(
+    farm: Farm, sweep: Sweep, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = (ROOT / "docs/howto/results.md").read_text(encoding="utf-8")
+    code = "\n".join(re.findall(r"```python\n(.*?)```", page, re.DOTALL))
+    assert code.count('"..."') == 1
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("ROOST_SERVER", farm.url)
+    monkeypatch.delenv("ROOST_TOKEN", raising=False)
+    # The commands of the page write this file.
+    sweep.download("results.parquet")
+    names: dict[str, Any] = {}
+    exec(compile(code.replace('"..."', repr(sweep.id)), "docs/howto/results.md", "exec"), names)
+    assert len(names["points"]) == 4 and names["curves"].sizes["design"] == 4 and len(names["table"]) == 8
+    assert capsys.readouterr().out.splitlines()[-1] == "kg/s"

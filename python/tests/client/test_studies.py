@@ -10,14 +10,15 @@ from typing import Any
 import pytest
 
 from roost.client import Client, Study
+from roost.documents import Untyped
 from roost.errors import RoostError, ScenarioError
 
-from .servers import ROOT, hopper
+from .servers import ROOT, Document, hopper, slow_hopper
 
 GATE = "/equipment/gate_opening_m"
 
 
-def question(**fields: Any) -> dict[str, Any]:
+def question(**fields: Any) -> Document:
     """At which gate half of the hoppers jam."""
     return {
         "name": "a boundary",
@@ -34,6 +35,11 @@ def test_the_server_answers_with_jobs(client: Client) -> None:
     assert study.state == "finished" and study.view.get("finished") == "by_budget"
     assert study.sentences and len(study.sweep.results()) == 4
     assert study.answer()["answer"]["finding"]["boundary"]
+    # The runs of a study share no seeds.
+    curves = study.sweep.to_xarray("discharged_mass")
+    assert curves.discharged_mass.dims == ("design", "replicate", "t_s") and curves.seed.dims == ("design", "replicate")
+    seeds = {job.view["seed"] for job in study.sweep.jobs()}
+    assert len(seeds) == 4 and seeds == set(curves.seed.values.flatten().tolist()) - {-1}
     with pytest.raises(RoostError, match="no calibration"):
         study.posterior()
     study.extend(max_runs=5, high={GATE: 0.1})
@@ -44,7 +50,7 @@ def test_the_server_answers_with_jobs(client: Client) -> None:
 
 
 def test_a_client_asks_and_tells(client: Client) -> None:
-    study = client.submit(question(driver="client", budget={"max_runs": 100}))
+    study = client.submit(Untyped(question(driver="client", budget={"max_runs": 100})))
     assert isinstance(study, Study)
     chance = random.Random(1)
     while study.state == "running":
@@ -74,10 +80,20 @@ def test_runs_are_given_back_paused_and_cancelled(client: Client) -> None:
     assert study.cancel().wait(180, progress=False).state == "cancelled"
 
 
+def test_the_end_of_a_study_is_forecast(client: Client) -> None:
+    study = client.submit_study(question(name="slow", base=slow_hopper()))
+    forecast = study.forecast()
+    assert 1 <= forecast["runs_left"]["least"] <= forecast["runs_left"]["most"] == 4
+    # No run has ended, so that there may be no range of time yet.
+    end = forecast.get("end")
+    assert end["earliest"] <= end["latest"] if end else forecast.get("no_forecast"), forecast
+    study.cancel().wait(180, progress=False)
+
+
 def test_a_calibration_brings_its_measurements(client: Client, tmp_path: Path) -> None:
     report = client.validate(ROOT / "docs/examples/studies/paper-calibration.json")
     assert report["document"] == "study" and report["jobs"] == 150
-    document: dict[str, Any] = {
+    document: Document = {
         "name": "nothing",
         "factors": [],
         "goal": {"calibrate": {"measurements": "absent.json"}},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 from pathlib import Path
 from typing import Any
@@ -14,19 +15,13 @@ import pytest
 import roost.api.sweeps
 from roost import tables
 from roost.client import Client, Sweep
+from roost.documents import Untyped
 from roost.errors import ApiError, RoostError
 from roost.tables import Share, short_names
 
-from .servers import ROOT, hopper
+from .servers import ROOT, Document, hopper, slow_hopper
 
 GATE, FRICTION = "gate_opening_m", "static_friction"
-
-
-@pytest.fixture(scope="module")
-def sweep(client: Client, sweep_document: dict[str, Any]) -> Sweep:
-    sweep = client.submit_sweep(sweep_document).wait(180, progress=False)
-    assert sweep.view["counts"]["succeeded"] == 8, sweep
-    return sweep
 
 
 def test_results_have_short_names_units_and_types(sweep: Sweep) -> None:
@@ -131,9 +126,9 @@ def test_words_that_the_server_would_refuse_are_refused_with_a_hint(client: Clie
         client.sweep("abc")
 
 
-def test_faults_are_shown_once(client: Client, sweep_document: dict[str, Any]) -> None:
+def test_faults_are_shown_once(client: Client, sweep_document: Document) -> None:
     with pytest.raises(ApiError) as caught:
-        client.submit_sweep({**sweep_document, "replicates": -1})
+        client.submit_sweep(Untyped({**sweep_document, "replicates": -1}))
     assert str(caught.value).count("/replicates") == 1 and "errors" not in str(caught.value)
 
 
@@ -147,16 +142,16 @@ def test_pages_are_followed(sweep: Sweep, monkeypatch: pytest.MonkeyPatch) -> No
     assert len(sweep.jobs()) == 8 and len(sweep.jobs(limit=3)) == 3 and len(sweep.jobs(point=1)) == 2
 
 
-def test_curves_lie_over_design_replicate_and_time(sweep: Sweep) -> None:
+def test_curves_lie_over_design_seed_and_time(sweep: Sweep) -> None:
     data = sweep.to_xarray("discharged_mass", "inside_mass")
     mass = data.discharged_mass
-    assert mass.dims == ("design", "replicate", "t_s") and mass.shape[:2] == (4, 2)
+    assert mass.dims == ("design", "seed", "t_s") and mass.shape[:2] == (4, 2)
     assert mass.attrs["units"] == "kg" and data[GATE].attrs["units"] == "m" and data.t_s.attrs["units"] == "s"
     assert data[GATE].values.tolist() == [0.01, 0.01, 0.08, 0.08]
-    assert data.seed.values.tolist() == [[1, 2]] * 4
+    assert data.seed.values.tolist() == [1, 2] and data.replicate.values.tolist() == [0, 1]
     (job,) = [job for job in sweep.jobs(point=2) if job.view.get("replicate") == 1]
     series = job.series("discharged_mass")
-    ours = mass.sel(design=2, replicate=1).dropna("t_s")
+    ours = mass.sel(design=2, seed=2).dropna("t_s")
     assert numpy.allclose(ours.t_s, series["t_s"]) and numpy.allclose(ours, series["values"])
     coarse = sweep.to_xarray("discharged_mass", samples=4)
     assert coarse.sizes["t_s"] <= 4
@@ -189,6 +184,22 @@ def test_columns_are_those_of_the_short_names_of_the_server(sweep: Sweep, tmp_pa
     assert results.units == {name: unit for name, unit in zip(names, units) if unit}
 
 
+@pytest.mark.parametrize("by", ["trial", "point"])
+@pytest.mark.parametrize("names", ["pointer", "short"])
+def test_a_parquet_file_has_the_units(sweep: Sweep, tmp_path: Path, by: tables.By, names: roost.api.sweeps.Names) -> None:
+    path = sweep.download(tmp_path / "results.parquet", by=by, names=names)
+    units = sweep.results(by=by).units
+    assert units[GATE] == "m"
+    assert tables.units_of_parquet(path) == units
+    assert set(units) <= set(tables.scan_parquet(path).collect_schema().names())
+    # Without this package: pandas has them in the attributes of the frame, and other readers in the metadata of the file.
+    table = pandas.read_parquet(path)
+    parquet: Any = importlib.import_module("pyarrow.parquet")  # without types
+    stored = json.loads(parquet.read_schema(path).metadata[b"roost.units"])
+    assert table.attrs["units"] == stored and len(stored) == len(units)
+    assert stored[GATE if names == "short" else "/equipment/gate_opening_m"] == "m"
+
+
 def test_effects_and_differences(sweep: Sweep) -> None:
     effects = {row["response"]: row for row in sweep.effects()["responses"]}
     assert effects["discharged_kg"]["points"] == 4
@@ -219,8 +230,8 @@ def test_a_sweep_is_extended_resubmitted_watched_and_deleted(client: Client, swe
     assert [other.id for other in client.sweeps(limit=1)] == [again.id]
 
 
-def test_failed_jobs_are_warned_of(client: Client, sweep_document: dict[str, Any]) -> None:
-    document: dict[str, Any] = {**sweep_document, "name": "unstable", "replicates": 1}
+def test_failed_jobs_are_warned_of(client: Client, sweep_document: Document) -> None:
+    document: Document = {**sweep_document, "name": "unstable", "replicates": 1}
     base = hopper(0.4)
     base["numerics"] |= {"timestep_s": 0.02, "allow_unstable": True}
     document["base"] = base
@@ -229,6 +240,20 @@ def test_failed_jobs_are_warned_of(client: Client, sweep_document: dict[str, Any
     with pytest.warns(UserWarning, match="2 jobs have failed .2 unstable"):
         sweep.wait(180, progress=False)
     assert sweep.share("jammed").n == 0
+
+
+def test_jobs_are_cancelled_and_run_again(client: Client) -> None:
+    def sweep_of(name: str, base: Document) -> Sweep:
+        document = {"name": name, "base": base, "design": {"kind": "grid"}, "replicates": 2}
+        document["factors"] = [{"pointer": "/equipment/gate_opening_m", "levels": [0.05]}]
+        return client.submit_sweep(Untyped(document))
+
+    slow = sweep_of("slow", slow_hopper()).cancel().wait(180, progress=False)
+    assert slow.view["counts"]["cancelled"] == 2 and {job.state for job in slow.jobs()} == {"cancelled"}
+    assert slow.retry("unstable").view["counts"]["queued"] == 0, "none of them has failed in this way"
+    counts = slow.retry().view["counts"]
+    assert counts["queued"] + counts["running"] == 2
+    assert slow.cancel().wait(180, progress=False).view["counts"]["cancelled"] == 2
 
 
 def test_names_are_as_short_as_those_of_the_command() -> None:

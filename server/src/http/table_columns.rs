@@ -55,13 +55,17 @@ impl Columns {
         }
     }
 
+    /// The units of columns, empty without one.
+    pub(super) fn units(&self, columns: &[sweep::Column]) -> Vec<String> {
+        columns.iter().map(|column| unit_of(column.name(), self.experiment.as_deref()).unit).collect()
+    }
+
     /// The header of a table as CSV, with a second line for units if asked.
     pub(super) fn csv_head(&self, by_point: bool, with_units: bool) -> Result<Vec<u8>, ApiError> {
         let columns = self.of(&Chunk::none(by_point));
-        let unit = |column: &sweep::Column| unit_of(column.name(), self.experiment.as_deref()).unit;
         let mut head = vec![self.names(&columns)];
         if with_units {
-            head.push(columns.iter().map(unit).collect());
+            head.push(self.units(&columns));
         }
         sweep::csv(&head, &[]).map_err(|error| unwritten(&error))
     }

@@ -101,7 +101,7 @@ impl TableQuery {
                 "a workbook has all rows: leave out cursor and limit, or use format=csv"
             }
             format if self.units && format != TableFormat::Csv => {
-                "units=true is for csv: xlsx has a sheet of units, and names end in their units"
+                "units=true is for csv: xlsx has a sheet of units, parquet has them in its metadata, and names end in their units"
             }
             _ => return Ok(()),
         };
@@ -115,7 +115,7 @@ impl TableQuery {
 
     /// Whether the table states the units of its columns.
     pub(super) fn has_units(&self) -> bool {
-        self.units || self.format == TableFormat::Xlsx
+        self.units || matches!(self.format, TableFormat::Parquet | TableFormat::Xlsx)
     }
 
     /// The selected responses; none selects all.

@@ -1,6 +1,7 @@
 //! The result table of a sweep, written in chunks: a large table is never in memory as a whole, except for
 //! the values of a Parquet file. `workbooks` writes it for Excel.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use axum::body::Body;
@@ -204,7 +205,9 @@ async fn parquet(mut rows: TableRows, mut columns: Columns) -> Result<Response, 
         (all, columns) = extended.await?;
     }
     let names = columns.names(&all);
+    let units = names.iter().cloned().zip(columns.units(&all));
+    let units: BTreeMap<String, String> = units.filter(|(_, unit)| !unit.is_empty()).collect();
     let all = all.into_iter().zip(names).map(|(column, name)| column.renamed(name)).collect();
-    let bytes = run_blocking(move || sweep::to_parquet(all).map_err(|error| unwritten(&error)));
+    let bytes = run_blocking(move || sweep::to_parquet(all, &units).map_err(|error| unwritten(&error)));
     Ok(bytes.await??.into_response())
 }

@@ -1,23 +1,35 @@
 //! Columns as a Parquet file: one row group, every column optional, no compression, so that every reader can read it.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use parquet::basic::{LogicalType, Repetition, Type as Physical};
 use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
 use parquet::errors::{ParquetError, Result};
+use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::schema::types::Type;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::table::{Column, ColumnKind, text};
 
-/// Columns as a Parquet file. Each column is dropped once it is written.
-pub(crate) fn to_parquet(columns: Vec<Column>) -> Result<Vec<u8>> {
+/// Key of the units in the metadata of a file: a JSON object with the unit of each column that has one.
+pub(super) const UNITS_KEY: &str = "roost.units";
+
+/// Key of the attributes of a data frame, which pandas reads as `attrs`.
+pub(super) const PANDAS_KEY: &str = "PANDAS_ATTRS";
+
+/// Columns as a Parquet file, with units by name of column in its metadata. Each column is dropped once it is written.
+pub(crate) fn to_parquet(columns: Vec<Column>, units: &BTreeMap<String, String>) -> Result<Vec<u8>> {
     let fields = columns.iter().map(|column| field(column).map(Arc::new)).collect::<Result<_>>()?;
     let schema = Arc::new(Type::group_type_builder("results").with_fields(fields).build()?);
     let properties = WriterProperties::builder()
         .set_created_by(concat!("roost ", env!("CARGO_PKG_VERSION")).to_owned())
+        .set_key_value_metadata(Some(vec![
+            KeyValue::new(UNITS_KEY.to_owned(), json!(units).to_string()),
+            KeyValue::new(PANDAS_KEY.to_owned(), json!({ "units": units }).to_string()),
+        ]))
         .build();
     let mut writer = SerializedFileWriter::new(Vec::new(), schema, Arc::new(properties))?;
     let mut group = writer.next_row_group()?;

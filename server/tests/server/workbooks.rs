@@ -18,8 +18,10 @@ async fn run_sweep(server: &TestServer) -> String {
     let view = server.post("/v1/sweeps", &document).await.expect(StatusCode::CREATED);
     let worker = server.worker("cpu").await;
     let attempts = worker.claim(3).await;
-    for attempt in &attempts[..2] {
-        worker.deliver(attempt).await.expect(StatusCode::OK);
+    for (attempt, codes) in attempts.iter().zip(["thin_fillet, dense_bed", "none"]) {
+        let mut result = result_of(&attempt["scenario"]);
+        result.responses.insert("warning_codes".to_owned(), json!(codes));
+        worker.deliver_result(attempt, &result).await.expect(StatusCode::OK);
     }
     worker.fail(&attempts[2], "unstable", None).await.expect(StatusCode::OK);
     format!("/v1/sweeps/{}/results", text(&view["id"]))
@@ -65,6 +67,7 @@ async fn workbook_has_points_jobs_and_units() {
     assert_eq!(column(&jobs, "seed"), [10.0, 11.0, 10.0, 11.0].map(Data::Float));
     assert_eq!(words(&column(&jobs, "failure_class")), ["", "", "unstable", ""]);
     assert_eq!(words(&column(&jobs, "regime")), ["constant", "constant", "", ""]);
+    assert_eq!(words(&column(&jobs, "warning_codes")), ["thin_fillet, dense_bed", "none", "", ""]);
     let discharged = column(&jobs, "discharged_kg");
     assert!(matches!(discharged[..2], [Data::Float(_), Data::Float(_)]), "{discharged:?}");
 
@@ -132,6 +135,7 @@ async fn csv_has_short_names_and_units_if_asked() {
     let bytes = parquet.send().await.unwrap().bytes().await.unwrap();
     let has = |name: &[u8]| bytes.windows(name.len()).any(|window| window == name);
     assert!(has(b"gate_opening_m") && !has(b"/equipment/gate_opening_m"));
+    assert!(has(br#""discharged_kg":"kg""#) && has(br#""gate_opening_m":"m""#), "units in the metadata");
     for query in [
         "names=short",
         "units=true",

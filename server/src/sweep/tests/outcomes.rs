@@ -1,5 +1,7 @@
 //! Tests of summaries, effects and tables, against SciPy and a reader of Parquet.
 
+use std::collections::BTreeMap;
+
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::RowAccessor;
 use roost_api::design::Factor;
@@ -8,6 +10,7 @@ use roost_api::job::{FailureClass, JobState};
 use roost_api::table::{Pairing, PairingGain, ResponseEffects, TrialRow};
 use roost_solver::experiments::outputs_of;
 
+use super::super::to_parquet::{PANDAS_KEY, UNITS_KEY};
 use super::*;
 
 pub(super) fn trial(point: u32, replicate: u32, factors: Value, responses: Value) -> TrialRow {
@@ -253,18 +256,27 @@ fn a_parquet_file_equals_the_table() {
     };
     let responses =
         [("n", true, false), ("ok", false, true), ("t", false, false), ("y", true, false)].map(response);
-    let bytes = to_parquet(of_trials(&names, &drawn, &responses, &trials)).unwrap();
+    let units =
+        BTreeMap::from([("/a", "m"), ("y", "kg/s")].map(|(name, unit)| (name.to_owned(), unit.to_owned())));
+    let bytes = to_parquet(of_trials(&names, &drawn, &responses, &trials), &units).unwrap();
     for batch in [1, 2] {
         let mut columns = of_trials(&names, &drawn, &responses, &[]);
         for trials in trials.chunks(batch) {
             let more = of_trials(&names, &drawn, &responses, trials);
             columns.iter_mut().zip(more).for_each(|(column, more)| column.extend(more));
         }
-        assert!(to_parquet(columns).unwrap() == bytes, "in pieces of {batch}");
+        assert!(to_parquet(columns, &units).unwrap() == bytes, "in pieces of {batch}");
     }
     let mut file = tempfile::tempfile().unwrap();
     std::io::Write::write_all(&mut file, &bytes).unwrap();
     let reader = SerializedFileReader::new(file).unwrap();
+    let metadata = reader.metadata().file_metadata().key_value_metadata().unwrap();
+    let stored = |key: &str| {
+        let text = metadata.iter().find(|entry| entry.key == key).and_then(|entry| entry.value.as_deref());
+        serde_json::from_str::<Value>(text.unwrap()).unwrap()
+    };
+    assert_eq!(stored(UNITS_KEY), json!({"/a": "m", "y": "kg/s"}));
+    assert_eq!(stored(PANDAS_KEY), json!({"units": {"/a": "m", "y": "kg/s"}}));
     let rows: Vec<_> = reader.get_row_iter(None).unwrap().map(Result::unwrap).collect();
     let heads: Vec<&String> = rows[0].get_column_iter().map(|(name, _)| name).collect();
     let expected = [
