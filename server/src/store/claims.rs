@@ -13,10 +13,10 @@ use serde_json::{Value, json};
 use uuid::Uuid;
 
 use super::batcher::{Batcher, waves};
+use super::candidates::{FillNumbers, candidates};
 use super::columns::{Columns, to_json};
 use super::database::{Connection, Row, query};
-use super::eligible_jobs::{FillNumbers, candidates, eligible_jobs, rounds};
-use super::workers::online_window;
+use super::eligible_jobs::rounds;
 use super::writer::Writer;
 use super::{Store, StoreError};
 use crate::clock::Now;
@@ -201,20 +201,6 @@ impl Store {
         };
         let attempts = claimed.rows.iter().map(|row| attempt(row, claim)).collect::<Result<_, _>>()?;
         Ok(Ok(Claimed { attempts, held_back: claimed.held_back, held_jobs: claimed.held_jobs }))
-    }
-
-    /// Whether a claim would find a job. Uses a reader.
-    pub(crate) async fn has_work(&self, claim: Claim, now: Now) -> Result<bool, StoreError> {
-        let (since, until) = online_window(now.wall, claim.lease);
-        let found = query(eligible_jobs(self.readers.engine()))
-            .bind(claim.worker.to_string())
-            .bind(since.0)
-            .bind(until.0)
-            .bind(1)
-            .bind(claim.shares_fills)
-            .fetch_optional(&self.readers)
-            .await?;
-        Ok(found.is_some())
     }
 }
 

@@ -1,16 +1,9 @@
-//! Eligible jobs: the first queued jobs of each owner that a worker can run.
-
-use std::collections::{HashMap, HashSet};
-
-use futures_util::TryStreamExt;
+//! Eligible jobs: queries for the first queued jobs of each queue that a worker can run, and for the rounds of their owners.
 
 use super::StoreError;
-use super::claims::{Claim, FillDevice};
 use super::columns::{Columns, to_json};
 use super::database::{Connection, Engine, Row, query};
-use super::workers::online_window;
-use crate::clock::Now;
-use crate::queue::{EligibleJob, OwnerQueue, Project, Rounds, Turn};
+use crate::queue::{OwnerQueue, Rounds, Turn};
 
 /// The condition that claims look at a job, of a row of `jobs`.
 macro_rules! claimable {
@@ -168,7 +161,7 @@ macro_rules! eligible_jobs {
         concat!(
             heads!(),
             "
-    SELECT heads.priority, heads.owner, owners.project, projects.share, found.queue_position, found.seq, found.alone,
+    SELECT heads.priority, heads.owner, heads.queue, owners.project, projects.share, found.queue_position, found.seq, found.alone,
            CASE WHEN found.fill_digest IS NOT NULL AND ?5 <> 0
                      AND NOT EXISTS (SELECT 1 FROM fills f WHERE f.fill_digest = found.fill_digest
                                      AND f.solver_revision = me.solver_revision AND f.backend = me.backend
@@ -192,7 +185,7 @@ macro_rules! eligible_jobs {
           AND ",
             is_left_to!("j", "me"),
             "
-        ORDER BY j.queue_position, j.seq LIMIT ?4 + 500) AS first
+        ORDER BY j.queue_position, j.seq LIMIT ?6 + 500) AS first
         WHERE first.fill_digest IS NULL OR ?5 = 0
            OR NOT EXISTS ",
             computing_attempt!("1", "first", "me"),
@@ -213,8 +206,8 @@ macro_rules! eligible_jobs {
 /// seen between ?2 and ?3, if there is one.
 ///
 /// For a worker that shares fills (?5), a job is passed over while a running attempt computes its fill, unless it continues from a
-/// checkpoint. At most 500 such jobs of a queue are passed over, so that a long queue of one fill costs a claim milliseconds. `fill` is
-/// the fill that an attempt of the job would compute.
+/// checkpoint. Of each queue only the first ?6 + 500 jobs are looked at, so that a long queue of one fill costs a claim milliseconds.
+/// `fill` is the fill that an attempt of the job would compute.
 pub(super) const ELIGIBLE_JOBS: &str = eligible_jobs!(
     "jobs found ON found.seq IN (
         SELECT first.seq FROM (SELECT j.seq, j.id, j.fill_digest",
@@ -268,86 +261,6 @@ pub(super) fn rounds_of(rows: &[Row]) -> Result<Rounds, StoreError> {
         }
     }
     Ok(rounds)
-}
-
-/// Numbers of the fills that the jobs of one batch of claims would compute. Devices that differ share none.
-#[derive(Default)]
-pub(super) struct FillNumbers(HashMap<(String, FillDevice), u32>);
-
-impl FillNumbers {
-    fn number(&mut self, digest: String, device: &FillDevice) -> u32 {
-        let next = self.0.len() as u32;
-        *self.0.entry((digest, device.clone())).or_insert(next)
-    }
-}
-
-/// The first jobs that a worker can run: up to `max` of each queue of an owner, and more where many would compute the same fill.
-/// Priorities below those that suffice are not read.
-pub(super) async fn candidates(
-    tx: &mut Connection,
-    claim: Claim,
-    now: Now,
-    max: usize,
-    fills: (&mut FillNumbers, &FillDevice),
-) -> Result<Vec<OwnerQueue>, StoreError> {
-    let first = list(tx, claim, now, (max, max), (&mut *fills.0, fills.1)).await?;
-    let is_short = |queue: &OwnerQueue| queue.jobs.len() >= max && distinct(&queue.jobs) < max;
-    if first.iter().any(is_short) {
-        return list(tx, claim, now, (max, max + PASSED_OVER), fills).await;
-    }
-    Ok(first)
-}
-
-/// Jobs of one queue that a claim reads beyond those it asks for.
-const PASSED_OVER: usize = 500;
-
-/// The number of jobs that can run at the same time: of those that would compute the same fill, one.
-fn distinct(jobs: &[EligibleJob]) -> usize {
-    let mut fills = HashSet::new();
-    jobs.iter().filter(|job| job.fill.is_none_or(|fill| fills.insert(fill))).count()
-}
-
-/// Up to `limit` jobs of each queue, until there are `max` that can run at the same time.
-async fn list(
-    tx: &mut Connection,
-    claim: Claim,
-    now: Now,
-    (max, limit): (usize, usize),
-    (numbers, device): (&mut FillNumbers, &FillDevice),
-) -> Result<Vec<OwnerQueue>, StoreError> {
-    let (since, until) = online_window(now.wall, claim.lease);
-    let mut rows = query(eligible_jobs(tx.engine()))
-        .bind(claim.worker.to_string())
-        .bind(since.0)
-        .bind(until.0)
-        .bind(i64::try_from(limit).unwrap_or(i64::MAX))
-        .bind(claim.shares_fills)
-        .fetch(&mut *tx);
-    let mut queues: Vec<(OwnerQueue, Vec<(i64, EligibleJob)>)> = Vec::new();
-    let (mut found, mut fills) = (0, HashSet::new());
-    while let Some(row) = rows.try_next().await? {
-        let (priority, owner) = (row.column("priority")?, row.column("owner")?);
-        let project = Project { id: row.column("project")?, share: row.number("share")? };
-        let last = queues.last().map(|(queue, _)| (queue.priority, queue.owner));
-        if last.is_some_and(|(before, _)| before > priority && found >= max) {
-            break;
-        }
-        if last != Some((priority, owner)) {
-            queues.push((OwnerQueue { priority, project, owner, jobs: Default::default() }, Vec::new()));
-        }
-        if let Some((_, jobs)) = queues.last_mut() {
-            let fill: Option<String> = row.column("fill")?;
-            let fill = fill.map(|digest| numbers.number(digest, device));
-            found += usize::from(fill.is_none_or(|fill| fills.insert(fill)));
-            let job = EligibleJob { seq: row.column("seq")?, alone: row.column("alone")?, fill };
-            jobs.push((row.column("queue_position")?, job));
-        }
-    }
-    let in_order = |(queue, mut jobs): (OwnerQueue, Vec<(i64, EligibleJob)>)| {
-        jobs.sort_by_key(|(position, job)| (*position, job.seq));
-        OwnerQueue { jobs: jobs.into_iter().map(|(_, job)| job).collect(), ..queue }
-    };
-    Ok(queues.into_iter().map(in_order).collect())
 }
 
 /// The rounds of all owners and projects at the priorities of these queues.

@@ -8,6 +8,7 @@ mod asks;
 mod backup;
 mod batcher;
 mod bucket;
+mod candidates;
 mod checkpoint;
 mod claims;
 mod columns;
