@@ -16,8 +16,11 @@ use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 use uuid::Uuid;
 
-/// Number of seeds of the jobs of one sweep; a result is prepared for each.
+/// Number of jobs of a small sweep.
 pub(super) const SEEDS: u64 = 500;
+
+/// Number of jobs of a large sweep, each with its own seed; a result is prepared for each.
+pub(super) const MANY_SEEDS: u64 = 10_000;
 
 /// The scenario of every job.
 pub(super) fn base_scenario() -> Value {
@@ -149,8 +152,7 @@ impl SimulatedWorker {
 
     /// Delivers the result of an attempt. Returns whether it was recorded now, or none for a stale attempt.
     pub(super) async fn deliver(&self, attempt: &Attempt, results: &Results) -> Result<Option<bool>> {
-        let result = results.0.get(&attempt.scenario.seed).context("no result for this seed")?;
-        self.deliver_result(attempt, result).await
+        self.deliver_result(attempt, &results.of(attempt.scenario.seed)?).await
     }
 
     /// Delivers a result, given as JSON. Returns whether it was recorded now, or none for a stale attempt.
@@ -181,18 +183,36 @@ impl SimulatedWorker {
     }
 }
 
-/// Results of the jobs of [`replicate_sweep`] as JSON, by seed.
-pub(super) struct Results(HashMap<u64, String>);
+/// Results of the jobs of [`replicate_sweep`] as JSON, which differ in their scenarios only.
+pub(super) struct Results {
+    /// A result with [`SCENARIO`] and [`DIGEST`] in place of its own.
+    template: String,
+    /// Scenarios and their digests as JSON, by seed.
+    scenarios: HashMap<u64, (String, String)>,
+}
+
+const SCENARIO: &str = r#""<scenario>""#;
+const DIGEST: &str = r#""<digest>""#;
 
 impl Results {
     pub(super) fn prepare() -> Result<Self> {
         let base = scenario::from_value(&base_scenario()).map_err(|faults| anyhow::anyhow!("{faults:?}"))?;
+        let responses = json!({"discharged_kg": 1.0, "regime": "constant"});
+        let mut template = serde_json::to_value(sample_result(base.clone(), &responses))?;
+        template["scenario"] = json!("<scenario>");
+        template["scenario_digest"] = json!("<digest>");
         let entry = |seed| {
             let scenario = Scenario { seed, ..base.clone() };
-            let responses = json!({"discharged_kg": 1.0, "regime": "constant"});
-            Ok((seed, serde_json::to_string(&sample_result(scenario, &responses))?))
+            Ok((seed, (serde_json::to_string(&scenario)?, serde_json::to_string(&scenario.digest())?)))
         };
-        Ok(Self((base.seed..base.seed + SEEDS).map(entry).collect::<Result<_>>()?))
+        let scenarios = (base.seed..base.seed + MANY_SEEDS).map(entry).collect::<Result<_>>()?;
+        Ok(Self { template: template.to_string(), scenarios })
+    }
+
+    /// The result of the job with this seed.
+    fn of(&self, seed: u64) -> Result<String> {
+        let (scenario, digest) = self.scenarios.get(&seed).context("no result for this seed")?;
+        Ok(self.template.replacen(DIGEST, digest, 1).replacen(SCENARIO, scenario, 1))
     }
 }
 

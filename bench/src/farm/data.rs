@@ -4,6 +4,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail, ensure};
 use reqwest::Url;
+use sqlx::{AssertSqlSafe, Connection, PgConnection, SqliteConnection};
 use tempfile::TempDir;
 use uuid::Uuid;
 
@@ -63,6 +64,33 @@ impl Data {
         }
         options
     }
+
+    /// A transaction that has read the jobs and stays open, as that of a report or a backup would.
+    pub(super) async fn open_transaction(&self) -> Result<OpenTransaction> {
+        const READ: &str = "SELECT count(*) FROM jobs";
+        Ok(match &self.database {
+            Some((postgres, name)) => {
+                let mut url = postgres.0.clone();
+                url.set_path(name);
+                let mut connection = PgConnection::connect(url.as_str()).await?;
+                sqlx::raw_sql("BEGIN ISOLATION LEVEL REPEATABLE READ").execute(&mut connection).await?;
+                sqlx::raw_sql(READ).execute(&mut connection).await?;
+                OpenTransaction::Postgres(connection)
+            }
+            None => {
+                let file = format!("sqlite://{}?mode=ro", self.folder.path().join("roost.db").display());
+                let mut connection = SqliteConnection::connect(&file).await?;
+                sqlx::raw_sql(AssertSqlSafe(format!("BEGIN; {READ}"))).execute(&mut connection).await?;
+                OpenTransaction::Sqlite(connection)
+            }
+        })
+    }
+}
+
+/// A transaction that reads, open until it is dropped.
+pub(super) enum OpenTransaction {
+    Postgres(#[expect(dead_code, reason = "it is open as long as it lives")] PgConnection),
+    Sqlite(#[expect(dead_code, reason = "it is open as long as it lives")] SqliteConnection),
 }
 
 impl Drop for Data {

@@ -13,10 +13,8 @@ use uuid::Uuid;
 use super::clients::{ApiClient, Results, SEEDS, grid_sweep, p99_ms, replicate_sweep, timed};
 use super::data::{Data, Postgres};
 use super::server::Server;
-use super::{Args, Row, Target, large_sweeps, studies};
+use super::{Args, Row, Target, large_sweeps, pairs, studies};
 
-const PAIRS: &str = "claim and result pairs, on disk before the answer";
-const PAIRS_OF_TWO: &str = "pairs with two servers";
 const CLAIM: &str = "claim with 100,000 queued, p99";
 const CLAIM_OF_MANY: &str = "claim with many queued, p99";
 const WAITING: &str = "submission to claim by a waiting worker, p99";
@@ -30,21 +28,13 @@ const STALE: &str = "stale writes accepted";
 const MEMORY: &str = "server memory with many jobs";
 const STOP: &str = "SIGTERM with 50 open event streams";
 
-/// Number of workers that claim and deliver at the same time.
-const WORKERS: usize = 32;
-
 /// Measures the requested rows.
 pub(super) async fn measure(args: &Args) -> Result<Vec<Row>> {
     let postgres = args.postgres.as_deref().map(Postgres::at).transpose()?;
     let mut rows = Rows { only: args.only.clone(), postgres, rows: Vec::new() };
     let length = Duration::from_secs(args.seconds);
     let results = Arc::new(Results::prepare()?);
-    if rows.includes(&[PAIRS]) {
-        pairs(&mut rows, PAIRS, 1, (&results, length)).await?;
-    }
-    if args.postgres.is_some() && rows.includes(&[PAIRS_OF_TWO]) {
-        pairs(&mut rows, PAIRS_OF_TWO, 2, (&results, length)).await?;
-    }
+    pairs::measure(&mut rows, &results, length, Duration::from_secs(args.hold)).await?;
     if rows.includes(&[SWEEP, WAITING, POLLS, POLLS_CPU, STOP]) {
         waiting_and_polls(&mut rows, length).await?;
     }
@@ -75,6 +65,11 @@ impl Rows {
         self.only.is_empty() || names.iter().any(|name| self.only.iter().any(|start| name.starts_with(start)))
     }
 
+    /// Whether the servers use PostgreSQL.
+    pub(super) fn on_postgres(&self) -> bool {
+        self.postgres.is_some()
+    }
+
     /// An empty folder and an empty database for a server.
     pub(super) fn new_data(&self) -> Result<Data> {
         Data::new(self.postgres.clone())
@@ -94,40 +89,6 @@ pub(super) async fn start(data: &Data) -> Result<(Server, ApiClient)> {
     let server = Server::start(data).await?;
     let client = ApiClient::new(&server.url)?;
     Ok((server, client))
-}
-
-/// Claims and delivers through a server, or in turns through two servers of one PostgreSQL database.
-async fn pairs(
-    rows: &mut Rows,
-    name: &'static str,
-    servers: usize,
-    (results, length): (&Arc<Results>, Duration),
-) -> Result<()> {
-    let data = rows.new_data()?;
-    let mut running = Vec::new();
-    for _ in 0..servers {
-        running.push(start(&data).await?);
-    }
-    let client = &running[0].1;
-    let jobs = 8000 * length.as_secs();
-    for _ in 0..jobs.div_ceil(SEEDS) {
-        client.post("/v1/sweeps", &replicate_sweep(SEEDS)).await?;
-    }
-    let until = Instant::now() + length;
-    let worker = async |client: ApiClient, results: Arc<Results>| {
-        let worker = client.register().await?;
-        let mut done = 0_u64;
-        while Instant::now() < until {
-            let attempt = worker.claim(Uuid::now_v7(), 0.0).await?.context("the queue is empty")?;
-            worker.deliver(&attempt, &results).await?;
-            done += 1;
-        }
-        anyhow::Ok(done)
-    };
-    let workers = (0..WORKERS).map(|number| worker(running[number % servers].1.clone(), results.clone()));
-    let (done, took) = timed(async { try_join_all(workers).await }).await?;
-    rows.add(name, done.iter().sum::<u64>() as f64 / took.as_secs_f64(), "1/s", Target::AtLeast(3000.0));
-    Ok(())
 }
 
 async fn waiting_and_polls(rows: &mut Rows, length: Duration) -> Result<()> {

@@ -1,12 +1,13 @@
 //! `roost bench farm`: the targets of the service, measured against a server process.
 //!
-//! [`server`] starts the process on its [`data`], [`clients`] simulates users and workers, [`measurements`], [`large_sweeps`] and
-//! [`studies`] measure each target.
+//! [`server`] starts the process on its [`data`], [`clients`] simulates users and workers, [`measurements`], [`pairs`],
+//! [`large_sweeps`] and [`studies`] measure each target.
 
 mod clients;
 mod data;
 mod large_sweeps;
 mod measurements;
+mod pairs;
 mod server;
 mod studies;
 
@@ -33,6 +34,9 @@ pub(super) struct Args {
     /// Duration of each timed measurement
     #[arg(long, default_value_t = 10, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..=600))]
     seconds: u64,
+    /// Duration for which one row holds a transaction of the database open; at least as long as the timed measurement
+    #[arg(long, default_value_t = 60, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(10..=3600))]
+    hold: u64,
     /// PostgreSQL address; with this option, the command creates a database for each server, and deletes this database at the end
     ///
     /// The PostgreSQL user in the address needs the permission to create databases. The command calls the programs `createdb` and
@@ -90,6 +94,13 @@ impl Serialize for Target {
 }
 
 pub(super) async fn execute(args: Args) -> Result<Exit> {
+    if args.hold < args.seconds {
+        bail!(
+            "--hold {} is shorter than --seconds {}: the last {0} s of the open transaction are measured",
+            args.hold,
+            args.seconds
+        );
+    }
     // Dropping the measurement kills its server and removes its folder; an unhandled signal would leave both.
     let shutdown = signals::shutdown_token()?;
     let rows = tokio::select! {
