@@ -9,7 +9,7 @@ use roost_solver::Limits;
 use crate::data::DATABASE;
 use crate::queue::RetryPolicy;
 use crate::sign_in::SignInSettings;
-use crate::store::{Bucket, Location};
+use crate::store::{Bucket, Edition, Location};
 
 /// The settings of a server.
 #[derive(Clone, Debug)]
@@ -68,6 +68,9 @@ pub struct ServerConfig {
     pub prune_after: Option<Duration>,
     /// Age at which events and answers to submissions are deleted.
     pub memory: Duration,
+    /// Schema and solver of another version of this program.
+    #[cfg(test)]
+    pub(crate) edition: Edition,
 }
 
 impl ServerConfig {
@@ -76,6 +79,14 @@ impl ServerConfig {
     pub(crate) fn advertised(&self, address: SocketAddr) -> Option<String> {
         let own = (!address.ip().is_unspecified()).then(|| address.to_string());
         self.advertise.clone().or(own)
+    }
+
+    /// Schema and solver of the server.
+    pub(crate) fn edition(&self) -> Edition {
+        #[cfg(test)]
+        return self.edition;
+        #[cfg(not(test))]
+        Edition::default()
     }
 
     /// Where the database is.
@@ -114,6 +125,8 @@ impl Default for ServerConfig {
             body_timeout: Duration::from_secs(30),
             prune_after: None,
             memory: Duration::from_secs(24 * 3600),
+            #[cfg(test)]
+            edition: Edition::default(),
         }
     }
 }

@@ -138,7 +138,7 @@ impl Server {
     /// are answered at once, running requests are finished, and everything that was acknowledged is on disk.
     pub async fn run(self, shutdown: CancellationToken) -> Result<(), ServerError> {
         let Self { listener, site, mut first } = self;
-        let (role, roles) = watch::channel(Role::Waits);
+        let (role, roles) = watch::channel(Role::Waits(None));
         let stop = CancellationToken::new();
         let serving = http::serve(listener, roles, &site.config, site.connections.clone(), stop.clone());
         tokio::pin!(serving);
@@ -160,9 +160,9 @@ impl Server {
             };
             leading.app.shutdown.cancel();
             match ended {
-                Err(_) if leading.app.store.is_deposed() => {
-                    tracing::warn!("another server leads now: this one stands by");
-                    role.send_replace(Role::Waits);
+                Err(_) if let Some(reason) = leading.app.store.deposed() => {
+                    tracing::warn!("{reason}: this server stands by");
+                    role.send_replace(Role::Waits(None));
                     // Requests under way may hold its state for a while.
                     tokio::spawn(leading.end(tasks));
                 }

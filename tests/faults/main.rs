@@ -6,8 +6,12 @@ mod clock;
 mod cluster;
 mod disk;
 mod dump;
+mod handover;
 mod kills;
+mod postgres;
 mod recovery;
+mod requests;
 mod servers;
 #[path = "../support/mod.rs"]
 mod support;
+mod upgrades;

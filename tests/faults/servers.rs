@@ -20,7 +20,7 @@ pub(crate) fn pair_of_sandboxes(new: impl Fn() -> Sandbox) -> [Sandbox; 2] {
 }
 
 /// A PostgreSQL with one database, and two servers of it: the first one leads.
-fn two_servers() -> (Cluster, String, [Sandbox; 2], [Process; 2]) {
+pub(crate) fn two_servers() -> (Cluster, String, [Sandbox; 2], [Process; 2]) {
     let postgres = Cluster::start(&std::env::temp_dir(), "");
     let database = postgres.create("roost");
     let sandboxes = pair_of_sandboxes(Sandbox::new);
@@ -29,12 +29,13 @@ fn two_servers() -> (Cluster, String, [Sandbox; 2], [Process; 2]) {
     (postgres, database, sandboxes, servers)
 }
 
-fn start(sandbox: &Sandbox, database: &str) -> Process {
+/// Starts a server with short leases.
+pub(crate) fn start(sandbox: &Sandbox, database: &str) -> Process {
     sandbox.start_server_with(&["--lease-s", "3", "--database", database])
 }
 
 /// Waits for the log of a standby: it may pass on a request before.
-fn wait_to_stand_by(server: &Process) {
+pub(crate) fn wait_to_stand_by(server: &Process) {
     support::wait_until("it stands by", || server.log().contains("requests are passed on").then_some(()));
 }
 

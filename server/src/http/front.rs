@@ -80,8 +80,8 @@ pub(crate) enum Role {
     Leads(TowerToHyperService<Router>),
     /// The server at this host and port.
     PassesOn(Authority),
-    /// Nobody that this server knows of.
-    Waits,
+    /// Nobody that this server knows of. It says why, if it cannot lead or reach the leader.
+    Waits(Option<Arc<str>>),
 }
 
 impl Role {
@@ -94,7 +94,7 @@ impl Role {
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::PassesOn(leader), Self::PassesOn(other)) => leader == other,
-            (Self::Waits, Self::Waits) => true,
+            (Self::Waits(reason), Self::Waits(other)) => reason == other,
             _ => false,
         }
     }
@@ -122,6 +122,13 @@ pub(crate) fn router(roles: watch::Receiver<Role>, stop: CancellationToken) -> R
     Router::new().fallback(answer).with_state(Arc::new(Front { roles, stop, client }))
 }
 
+/// A request without an answer of the leader.
+struct Unanswered {
+    /// The request, if sending it again cannot do anything twice.
+    again: Option<Request>,
+    why: &'static str,
+}
+
 struct Front {
     roles: watch::Receiver<Role>,
     stop: CancellationToken,
@@ -131,6 +138,7 @@ struct Front {
 async fn answer(State(front): State<Arc<Front>>, mut request: Request) -> Response {
     let mut roles = front.roles.clone();
     let (mut deadline, mut was_silent) = (Instant::now() + PATIENCE, false);
+    let mut reason = None;
     loop {
         let role = roles.borrow_and_update().clone();
         if let Role::Leads(router) = role {
@@ -141,7 +149,12 @@ async fn answer(State(front): State<Arc<Front>>, mut request: Request) -> Respon
         match request.uri().path() {
             "/healthz" if request.method().is_safe() => return own(meta::healthz().await),
             "/metrics" if request.method().is_safe() => return own(metrics::of_standby()),
+            // A probe has less patience than a client.
+            "/readyz" if matches!(role, Role::Waits(Some(_))) => deadline = Instant::now(),
             _ => {}
+        }
+        if let Role::Waits(Some(obstacle)) = &role {
+            reason = Some(obstacle.clone());
         }
         if let Role::PassesOn(leader) = role
             && !request.headers().contains_key(PASSED_ON)
@@ -149,13 +162,16 @@ async fn answer(State(front): State<Arc<Front>>, mut request: Request) -> Respon
             let began = Instant::now();
             match front.pass_on(&leader, request).await {
                 Ok(response) => return response,
-                Err(Some(unsent)) => request = unsent,
-                Err(None) => return unavailable(),
+                Err(Unanswered { again, why }) => {
+                    let why = format!("the leading server at {leader} {why}: try again later").into();
+                    let Some(again) = again else { return unavailable(Some(why)) };
+                    (request, reason) = (again, Some(why));
+                }
             }
             // The time with a leader that fell silent does not count. No request is the end of two leaders.
             if began.elapsed() > CONNECT * 2 {
                 if was_silent {
-                    return unavailable();
+                    return unavailable(reason);
                 }
                 was_silent = true;
                 deadline = Instant::now() + PATIENCE;
@@ -163,7 +179,7 @@ async fn answer(State(front): State<Arc<Front>>, mut request: Request) -> Respon
         }
         let has_changed = roles.has_changed().unwrap_or(false);
         if front.stop.is_cancelled() || Instant::now() >= deadline && !has_changed {
-            return unavailable();
+            return unavailable(reason);
         }
         // An unreachable leader may be back before another one leads.
         let change = timeout_at(deadline.min(Instant::now() + RETRY), roles.changed());
@@ -172,8 +188,8 @@ async fn answer(State(front): State<Arc<Front>>, mut request: Request) -> Respon
 }
 
 impl Front {
-    /// The answer of the leader. Otherwise the request, if sending it again cannot do anything twice.
-    async fn pass_on(&self, leader: &Authority, request: Request) -> Result<Response, Option<Request>> {
+    /// The answer of the leader.
+    async fn pass_on(&self, leader: &Authority, request: Request) -> Result<Response, Unanswered> {
         let (parts, body) = request.into_parts();
         let lent = Lent::new(body);
         let mut sent = Request::from_parts(parts.clone(), lent.clone());
@@ -199,7 +215,8 @@ impl Front {
             () = self.end_of_relays() => false,
         };
         let again = if is_unsent || parts.method.is_safe() { lent.unread() } else { None };
-        Err(again.map(|body| Request::from_parts(parts, body)))
+        let again = again.map(|body| Request::from_parts(parts, body));
+        Err(Unanswered { again, why: if is_unsent { "cannot be reached" } else { "did not answer" } })
     }
 
     /// Returns some time after the end of a lead. A leader that stopped in good order has answered by then.
@@ -285,9 +302,9 @@ fn own(answer: impl IntoResponse) -> Response {
     response
 }
 
-/// The log of this server has the reason.
-fn unavailable() -> Response {
-    let detail = "no server of this database leads now, or the one that led did not answer: try again later";
+/// An answer with the reason, as far as this server knows it.
+fn unavailable(reason: Option<Arc<str>>) -> Response {
+    let detail = reason.as_deref().unwrap_or("no server of this database leads now: try again later");
     let mut response = own(ApiError::new(ProblemKind::Unavailable, detail));
     response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
     response
@@ -336,7 +353,7 @@ mod tests {
 
     #[tokio::test]
     async fn a_request_without_a_leader_waits_and_is_refused() {
-        let (role, roles) = watch::channel(Role::Waits);
+        let (role, roles) = watch::channel(Role::Waits(None));
         let began = Instant::now();
         let refused = ask(&roles, Request::post("/v1/jobs")).await;
         assert_eq!(refused.status(), StatusCode::SERVICE_UNAVAILABLE);

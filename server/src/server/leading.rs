@@ -33,7 +33,8 @@ impl Leading {
             Location::Postgres(database) => Ok(data::lock_for(&database.to_string(), &config.data)?),
         });
         let lock = lock.await?;
-        let store = Store::open(place, &config.data.join(OBJECTS), config.objects.as_ref()).await?;
+        let (edition, objects) = (config.edition(), config.data.join(OBJECTS));
+        let store = Store::open_as(edition, place, &objects, config.objects.as_ref()).await?;
         let (tokens, is_loopback) = (store.tokens().await?, address.ip().is_loopback());
         let (has_sign_in, now) = (config.sign_in.is_some(), Timestamp::now());
         if !is_loopback && !has_sign_in && !tokens.iter().any(|token| token.is_valid(now)) {

@@ -39,6 +39,12 @@ async fn may_pass_on(site: &Site, election: &mut Election) -> Result<(), ServerE
     Err(ServerError::NotLoopback(site.address))
 }
 
+/// Why the last attempt to lead failed, and when the next one may begin.
+struct Obstacle {
+    reason: String,
+    until: Instant,
+}
+
 /// Passes requests on until nobody leads, and then leads.
 pub(super) async fn wait_to_lead(site: &Site, role: &watch::Sender<Role>) -> Leading {
     let Location::Postgres(database) = &site.place else {
@@ -46,41 +52,59 @@ pub(super) async fn wait_to_lead(site: &Site, role: &watch::Sender<Role>) -> Lea
     };
     let mut election = Election::new(database.clone());
     let (mut answered, mut logged) = (Instant::now(), String::new());
+    let mut obstacle: Option<Obstacle> = None;
     loop {
-        let mut pause = WATCH_EVERY;
         let log = match observe(site, &mut election, role).await {
             Ok(None) => {
                 answered = Instant::now();
-                // Requests wait, instead of going to the last leader.
-                set(role, Role::Waits);
-                match Leading::start(site).await {
-                    Ok(leading) => return leading,
-                    Err(ServerError::Store(StoreError::OtherServer(_))) => continue,
-                    Err(error) => {
-                        election.forget_connection();
-                        pause = PAUSE;
-                        format!("no server leads, and this one cannot: {}", reason(&error))
+                if obstacle.as_ref().is_none_or(|obstacle| obstacle.until <= answered) {
+                    // Requests wait, instead of going to the last leader.
+                    set(role, waits(obstacle.as_ref().map(|obstacle| &*obstacle.reason)));
+                    let started = match election.refuse_newer(site.config.edition()).await {
+                        Ok(()) => Leading::start(site).await,
+                        Err(error) => Err(error.into()),
+                    };
+                    match started {
+                        Ok(leading) => return leading,
+                        Err(ServerError::Store(StoreError::OtherServer(_))) => continue,
+                        Err(error) => {
+                            election.forget_connection();
+                            let reason = format!("no server leads, and this one cannot: {}", reason(&error));
+                            obstacle = Some(Obstacle { reason, until: Instant::now() + PAUSE });
+                        }
                     }
                 }
+                let reason = obstacle.as_ref().map_or("", |obstacle| &obstacle.reason);
+                set(role, waits(Some(reason)));
+                reason.to_owned()
             }
             Ok(Some(log)) => {
-                answered = Instant::now();
+                (answered, obstacle) = (Instant::now(), None);
                 log
             }
             Err(error) => {
+                let log = format!("asking who leads failed: {}", reason(&error));
                 // The leader may well answer.
-                if answered.elapsed() > HOLDS {
-                    set(role, Role::Waits);
+                if answered.elapsed() > HOLDS || matches!(*role.borrow(), Role::Waits(_)) {
+                    set(role, waits(Some(&log)));
                 }
-                format!("asking who leads failed: {}", reason(&error))
+                log
             }
         };
         if log != logged {
-            tracing::info!("standing by: {log}");
+            match *role.borrow() {
+                Role::Waits(_) => tracing::warn!("standing by: {log}"),
+                _ => tracing::info!("standing by: {log}"),
+            }
             logged = log;
         }
-        tokio::time::sleep(pause).await;
+        tokio::time::sleep(WATCH_EVERY).await;
     }
+}
+
+/// The role of a server that neither leads nor knows a leader.
+fn waits(reason: Option<&str>) -> Role {
+    Role::Waits(reason.map(Into::into))
 }
 
 /// Sets the role beside the present leader. Returns what the log says about it; none if nobody leads.
@@ -92,37 +116,32 @@ async fn observe(
     let leader = match election.leader().await? {
         Leader::Nobody => return Ok(None),
         Leader::Unnamed => {
-            set(role, Role::Waits);
-            return Ok(Some(
-                "a session without the address of a server holds the lock: that of a command that writes, of another role, or of a server \
-                 that needs --advertise"
-                    .to_owned(),
-            ));
+            let log = "a session without the address of a server holds the lock: that of a command that writes, of another role, or of a server \
+                       that needs --advertise";
+            set(role, waits(Some(log)));
+            return Ok(Some(log.to_owned()));
         }
         Leader::At(leader) => leader,
     };
-    if site.is_own(&leader) {
-        set(role, Role::Waits);
-        return Ok(Some(format!(
+    let obstacle = match may_pass_on(site, election).await {
+        _ if site.is_own(&leader) => format!(
             "the session of a server at {leader} leads, which is the address of this one: of its last process, or of another server with the \
              same --advertise"
-        )));
-    }
-    match may_pass_on(site, election).await {
-        Ok(()) => {}
-        Err(error @ ServerError::NotLoopback(_)) => {
-            set(role, Role::Waits);
-            return Ok(Some(error.to_string()));
-        }
+        ),
+        Err(error @ ServerError::NotLoopback(_)) => error.to_string(),
         Err(error) => return Err(error),
-    }
-    let next = Role::passes_on(&leader);
-    let log = match &next {
-        Some(_) => format!("requests are passed on to {leader}"),
-        None => format!("the leading server names the address '{leader}', which is no host and port"),
+        Ok(()) => match Role::passes_on(&leader) {
+            Some(next) => {
+                set(role, next);
+                return Ok(Some(format!("requests are passed on to {leader}")));
+            }
+            None => {
+                format!("the leading server names the address '{leader}', which is no host and port")
+            }
+        },
     };
-    set(role, next.unwrap_or(Role::Waits));
-    Ok(Some(log))
+    set(role, waits(Some(&obstacle)));
+    Ok(Some(obstacle))
 }
 
 /// Sets the role. Those who wait for a change see none if it is the same.
@@ -139,6 +158,10 @@ fn set(role: &watch::Sender<Role>, next: Role) {
 /// What an operator can do about it.
 fn reason(error: &ServerError) -> String {
     let sentence = match error {
+        // The error itself says more.
+        ServerError::Store(
+            StoreError::Newer { .. } | StoreError::NewerSolver { .. } | StoreError::Unsuitable { .. },
+        ) => None,
         ServerError::Store(error) => error.unavailable().map(|reason| reason.sentence().to_owned()),
         _ => None,
     };

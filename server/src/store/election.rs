@@ -8,8 +8,9 @@ use std::time::Duration;
 use sqlx::PgConnection;
 use tokio::time::timeout;
 
-use super::StoreError;
+use super::database::Connection;
 use super::database::postgres::{self, Address};
+use super::{Edition, StoreError};
 
 /// A leader whose session is idle for this long has stopped, or has lost PostgreSQL: a leader writes every [`BEAT`](super::writer::BEAT).
 const SILENT_S: f64 = 15.0;
@@ -54,6 +55,17 @@ impl Election {
         let found = within(has_tokens(&mut connection)).await?;
         self.connection = Some(connection);
         Ok(found)
+    }
+
+    /// Refuses a database that a newer program has led, before this one asks for the lock.
+    pub(crate) async fn refuse_newer(&mut self, edition: Edition) -> Result<(), StoreError> {
+        let mut connection = Connection::from(self.connection().await?);
+        let checked = timeout(PATIENCE, edition.refuse_newer(&mut connection)).await;
+        checked.unwrap_or_else(|_| Err(postgres::late().into()))?;
+        if let Connection::Postgres(connection) = connection {
+            self.connection = Some(*connection);
+        }
+        Ok(())
     }
 
     /// Uses another connection from now on: the last one may lead to a server of PostgreSQL that is no longer the primary.

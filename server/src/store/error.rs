@@ -36,6 +36,25 @@ pub enum StoreError {
         /// The newest migration of this program.
         known: i64,
     },
+    /// A server with a newer solver has led this database.
+    #[error(
+        "a server with solver revision {found} has led this database; this program has revision {own}, and results of two solvers must not \
+         be mixed: use that version, or restore a backup from before"
+    )]
+    NewerSolver {
+        /// The newest revision of a leader.
+        found: i64,
+        /// The revision of this program.
+        own: i64,
+    },
+    /// The database has an older schema than before.
+    #[error("an older state of the database has taken its place (schema {found} instead of {known})")]
+    Replaced {
+        /// The newest migration that has run.
+        found: i64,
+        /// The newest migration of this program.
+        known: i64,
+    },
     /// PostgreSQL did not accept a connection.
     #[error("cannot connect to {database}")]
     Connect {
@@ -47,6 +66,9 @@ pub enum StoreError {
     /// Another server uses the database.
     #[error("another roost server uses {0}: stop it first, or use another database")]
     OtherServer(String),
+    /// PostgreSQL accepts no writes.
+    #[error("{0} cannot be used: it accepts no writes: give the address of the primary")]
+    ReadOnly(String),
     /// PostgreSQL cannot hold the database of a server.
     #[error("{database} cannot be used: {reason}")]
     Unsuitable {
@@ -123,6 +145,12 @@ pub(crate) enum Unavailable {
     Slow,
     /// PostgreSQL refuses writes.
     ReadOnly,
+    /// PostgreSQL cannot hold the database of a server.
+    Unsuitable,
+    /// The database belongs to a newer program.
+    Newer,
+    /// The database has an older schema than before.
+    Replaced,
 }
 
 impl Unavailable {
@@ -141,6 +169,13 @@ impl Unavailable {
             Self::ReadOnly => {
                 "PostgreSQL accepts no writes now, perhaps as a standby: the operator must make it the primary"
             }
+            Self::Unsuitable => {
+                "the server cannot use this PostgreSQL: its operator finds the reason in the server's log"
+            }
+            Self::Newer => {
+                "a newer version of Roost has led this database: the operator must upgrade this server"
+            }
+            Self::Replaced => "an older state of the database has taken its place: try again later",
         }
     }
 }
@@ -154,6 +189,10 @@ impl StoreError {
             Self::Shared(error) => return error.unavailable(),
             Self::Connect { source, .. } => return Some(while_connecting(source)),
             Self::OtherServer(_) => return Some(Unavailable::Busy),
+            Self::ReadOnly(_) => return Some(Unavailable::ReadOnly),
+            Self::Unsuitable { .. } => return Some(Unavailable::Unsuitable),
+            Self::Newer { .. } | Self::NewerSolver { .. } => return Some(Unavailable::Newer),
+            Self::Replaced { .. } => return Some(Unavailable::Replaced),
             Self::Object(error) => return is_full(error).then_some(Unavailable::Full),
             Self::Folder(error) => return is_full(error).then_some(Unavailable::Full),
             _ => return None,
@@ -177,6 +216,16 @@ impl StoreError {
         match code & 0xff {
             SQLITE_BUSY => Some(Unavailable::Busy),
             SQLITE_FULL => Some(Unavailable::Full),
+            _ => None,
+        }
+    }
+
+    /// Why a server must end its lead, if it may not write to this database any more, or must open it anew.
+    pub(super) fn end_of_lead(&self) -> Option<String> {
+        match self {
+            Self::OtherServer(_) => Some("another server leads now".to_owned()),
+            Self::Shared(error) => error.end_of_lead(),
+            Self::Newer { .. } | Self::NewerSolver { .. } | Self::Replaced { .. } => Some(self.to_string()),
             _ => None,
         }
     }

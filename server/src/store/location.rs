@@ -8,6 +8,7 @@ use sqlx::SqliteConnection;
 
 use super::StoreError;
 use super::database::{Connection, Engine, Pool, postgres, raw_sql, sqlite};
+use super::edition::Edition;
 use super::migrations::migrate;
 use super::writer::Line;
 
@@ -72,27 +73,27 @@ pub(super) struct Opened {
     pub(super) line: Line,
 }
 
-/// Opens and migrates a database for a server.
-pub(super) async fn open(place: &Location) -> Result<Opened, StoreError> {
+/// Opens and migrates a database for a server that leads.
+pub(super) async fn open(place: &Location, edition: Edition) -> Result<Opened, StoreError> {
     match place {
-        Location::File(path) => open_file(path).await,
+        Location::File(path) => open_file(path, edition).await,
         Location::Postgres(address) => {
             let mut sessions = Vec::new();
             let (writing, version) = address.connect_writer(&mut sessions).await?;
             let mut writing = Connection::from(writing);
-            migrate(&mut writing).await?;
+            edition.take_lead(&mut writing).await?;
             let readers = Pool::Postgres(address.readers());
-            let line = Line::postgres(address.clone(), sessions);
+            let line = Line::postgres(address.clone(), edition, sessions);
             Ok(Opened { writing, version, readers, copier: None, log: None, line })
         }
     }
 }
 
-async fn open_file(path: &Path) -> Result<Opened, StoreError> {
+async fn open_file(path: &Path, edition: Edition) -> Result<Opened, StoreError> {
     let (mut writing, version) = sqlite::connect(sqlite::writer_options(path)).await?;
     let log = sqlite::settle_log(&mut writing).await?;
     let mut writing = Connection::from(writing);
-    migrate(&mut writing).await?;
+    edition.take_lead(&mut writing).await?;
     let readers = Pool::Sqlite(sqlite::readers(path).await?);
     let (copier, _) = sqlite::connect(sqlite::options(path).create_if_missing(false)).await?;
     let version = format!("SQLite {version}");

@@ -40,11 +40,24 @@ fn migration(name: &str, sql: &'static [u8]) -> Option<Migration> {
     ))
 }
 
-/// Runs the migrations that a database lacks. Not by `Migrator::run`: its future cannot move between threads
-/// (<https://github.com/rust-lang/rust/issues/100013>).
+/// All migrations that this program knows, and one more, like those of the next version.
+#[cfg(test)]
+pub(super) fn migrator_with(engine: Engine, sql: &'static str) -> Migrator {
+    let mut migrations = migrator(engine);
+    let next = format!("{:04}_next.sql", newest_known(&migrations) + 1);
+    migrations.migrations.to_mut().extend(migration(&next, sql.as_bytes()));
+    migrations
+}
+
+/// Runs the migrations that a database lacks.
 pub(super) async fn migrate(connection: &mut Connection) -> Result<(), StoreError> {
-    refuse_newer(connection).await?;
-    let migrator = migrator(connection.engine());
+    migrate_to(connection, &migrator(connection.engine())).await
+}
+
+/// Runs those of other migrations that a database lacks. Not by `Migrator::run`: its future cannot move between threads
+/// (<https://github.com/rust-lang/rust/issues/100013>).
+pub(super) async fn migrate_to(connection: &mut Connection, migrator: &Migrator) -> Result<(), StoreError> {
+    refuse_above(connection, newest_known(migrator)).await?;
     match connection {
         Connection::Sqlite(connection) => migrator.run_direct(None, &mut **connection, false).await?,
         Connection::LentSqlite(connection) => migrator.run_direct(None, &mut **connection, false).await?,
@@ -61,7 +74,11 @@ pub(super) async fn migrate(connection: &mut Connection) -> Result<(), StoreErro
 
 /// Refuses a database of a newer version, which this program would misread.
 pub(super) async fn refuse_newer(connection: &mut Connection) -> Result<(), StoreError> {
-    let known = newest_known(connection);
+    refuse_above(connection, newest_of_program(connection)).await
+}
+
+/// Refuses a database whose schema is newer than a migration.
+pub(super) async fn refuse_above(connection: &mut Connection, known: i64) -> Result<(), StoreError> {
     match newest_run(connection).await? {
         Some(found) if found > known => Err(StoreError::Newer { found, known }),
         _ => Ok(()),
@@ -71,7 +88,7 @@ pub(super) async fn refuse_newer(connection: &mut Connection) -> Result<(), Stor
 /// Refuses a database of another version, for a program that may not migrate it.
 pub(super) async fn refuse_other(connection: &mut Connection) -> Result<(), StoreError> {
     refuse_newer(connection).await?;
-    let known = newest_known(connection);
+    let known = newest_of_program(connection);
     match newest_run(connection).await? {
         Some(found) if found < known => Err(StoreError::Older { found, known }),
         _ => Ok(()),
@@ -79,18 +96,28 @@ pub(super) async fn refuse_other(connection: &mut Connection) -> Result<(), Stor
 }
 
 /// The newest migration that this program knows.
-fn newest_known(connection: &Connection) -> i64 {
-    migrator(connection.engine()).iter().map(|migration| migration.version).max().unwrap_or(0)
+fn newest_of_program(connection: &Connection) -> i64 {
+    newest_known(&migrator(connection.engine()))
+}
+
+/// The newest of some migrations.
+pub(super) fn newest_known(migrator: &Migrator) -> i64 {
+    migrator.iter().map(|migration| migration.version).max().unwrap_or(0)
 }
 
 /// The newest migration that has run on a database; none on a new one.
-async fn newest_run(connection: &mut Connection) -> Result<Option<i64>, StoreError> {
-    let is_made = match connection.engine() {
-        Engine::Sqlite => "SELECT EXISTS (SELECT 1 FROM sqlite_master WHERE name = '_sqlx_migrations')",
-        Engine::Postgres => "SELECT to_regclass('_sqlx_migrations') IS NOT NULL",
-    };
-    if !query_scalar::<bool>(is_made).fetch_one(&mut *connection).await? {
+pub(super) async fn newest_run(connection: &mut Connection) -> Result<Option<i64>, StoreError> {
+    if !table_exists(connection, "_sqlx_migrations").await? {
         return Ok(None);
     }
     Ok(query_scalar("SELECT max(version) FROM _sqlx_migrations").fetch_one(connection).await?)
+}
+
+/// Whether a database has a table.
+pub(super) async fn table_exists(connection: &mut Connection, table: &str) -> Result<bool, StoreError> {
+    let exists = match connection.engine() {
+        Engine::Sqlite => "SELECT EXISTS (SELECT 1 FROM sqlite_master WHERE name = ?)",
+        Engine::Postgres => "SELECT to_regclass(?) IS NOT NULL",
+    };
+    Ok(query_scalar::<bool>(exists).bind(table).fetch_one(connection).await?)
 }

@@ -15,6 +15,7 @@ mod columns;
 mod database;
 mod deletion;
 mod deliveries;
+mod edition;
 mod election;
 mod eligible_jobs;
 mod error;
@@ -76,6 +77,7 @@ pub use bucket::{Bucket, BucketError};
 pub(crate) use claims::Claim;
 use database::{Engine, Pool, query, raw_sql};
 pub(crate) use deliveries::EncodedResult;
+pub(crate) use edition::Edition;
 pub(crate) use election::{Election, Leader};
 pub use error::StoreError;
 pub(crate) use error::Unavailable;
@@ -128,13 +130,25 @@ pub(crate) struct Store {
 
 impl Store {
     /// Opens the database at `place` and the objects, in a bucket or in a folder. Creates and migrates them as needed.
+    #[cfg(test)]
     pub(crate) async fn open(
         place: &Location,
         folder: &Path,
         bucket: Option<&Bucket>,
     ) -> Result<Self, StoreError> {
+        Self::open_as(Edition::default(), place, folder, bucket).await
+    }
+
+    /// The same for a server of this edition, which leads then.
+    pub(crate) async fn open_as(
+        edition: Edition,
+        place: &Location,
+        folder: &Path,
+        bucket: Option<&Bucket>,
+    ) -> Result<Self, StoreError> {
         let objects = objects::Objects::open(folder, bucket).await?;
-        let Opened { mut writing, version, readers, copier, log, line } = location::open(place).await?;
+        let Opened { mut writing, version, readers, copier, log, line } =
+            location::open(place, edition).await?;
         meshes::sweep(&mut writing).await?;
         deletion::mark_leftovers(&mut writing).await?;
         let writer = Arc::new(Writer::open(writing, line, log.as_deref())?);
@@ -168,9 +182,9 @@ impl Store {
         self.writer.ended().await;
     }
 
-    /// Whether the writer has ended because another server leads.
-    pub(crate) fn is_deposed(&self) -> bool {
-        self.writer.is_deposed()
+    /// Why this server may not lead any more, if the writer has ended for this reason.
+    pub(crate) fn deposed(&self) -> Option<&str> {
+        self.writer.deposed()
     }
 
     /// Checks that reads and writes succeed.
@@ -191,8 +205,10 @@ impl Store {
             Box::pin(async move {
                 let change = match tx.engine() {
                     Engine::Sqlite => "PRAGMA user_version = 0",
+                    // The pages of a small change exist already. Rows beyond the memory go to a temporary file, which needs space.
                     Engine::Postgres => {
-                        "INSERT INTO row_numbers (name, seq) VALUES ('ping', 0) ON CONFLICT (name) DO UPDATE SET seq = 0"
+                        "INSERT INTO row_numbers (name, seq) VALUES ('ping', 0) ON CONFLICT (name) DO UPDATE SET seq = 0;
+                         SET LOCAL work_mem = '64kB'; SELECT count(*) FROM generate_series(1, 20000); SET LOCAL work_mem TO DEFAULT"
                     }
                 };
                 Ok(raw_sql(change).execute(tx).await?)

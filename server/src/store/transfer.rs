@@ -9,7 +9,7 @@ use super::location::open_alone;
 use super::{Location, StoreError};
 
 /// Every table, after those that it refers to.
-pub(super) const TABLES: [&str; 29] = [
+pub(super) const TABLES: [&str; 30] = [
     "workers",
     "sweeps",
     "design_points",
@@ -31,6 +31,7 @@ pub(super) const TABLES: [&str; 29] = [
     "tokens",
     "sessions",
     "sign_in_keys",
+    "newest_solver",
     "frames",
     "checkpoints",
     "fills",
@@ -68,7 +69,8 @@ pub struct CopiedTable {
 pub(crate) async fn transfer(from: &Location, to: &Location) -> Result<Vec<CopiedTable>, StoreError> {
     let mut source = open_alone(from, false).await?;
     let mut target = open_alone(to, true).await?;
-    for table in TABLES {
+    // A server that has led the empty database has noted its solver.
+    for table in TABLES.into_iter().filter(|table| *table != "newest_solver") {
         let is_seed = if SEEDED.contains(&table) { "WHERE id <> 0" } else { "" };
         let sql = AssertSqlSafe(format!("SELECT EXISTS (SELECT 1 FROM {table} {is_seed})"));
         if query_scalar::<bool>(sql).fetch_one(&mut target).await? {

@@ -9,15 +9,14 @@
 //! before its first change, and each job changes a page.
 //!
 //! A connection to PostgreSQL can break, or stop answering. All writes of its group are then refused, and the next write opens another
-//! connection. If another server leads then, the writer ends. An idle writer begins a transaction every [`BEAT`]: this shows the
+//! connection. If another server leads then, or a newer one has led meanwhile, the writer ends. An idle writer begins a transaction every [`BEAT`]: this shows the
 //! other servers that it lives, and finds a broken connection.
 
 use std::future::Future;
 use std::io;
 use std::path::Path;
 use std::pin::Pin;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use prometheus_client::metrics::histogram::Histogram;
@@ -112,7 +111,7 @@ pub(super) struct Writer {
     queue: mpsc::Sender<Message>,
     task: tokio::sync::Mutex<Option<JoinHandle<()>>>,
     ended: CancellationToken,
-    is_deposed: Arc<AtomicBool>,
+    deposed: Arc<OnceLock<String>>,
     commits: Commits,
     outages: Arc<Outages>,
     commit_seconds: Histogram,
@@ -149,8 +148,8 @@ impl Writer {
         // Cancelled however the task ends, a panic included.
         let guard = ended.clone().drop_guard();
         let shared = Shared::default();
-        let (commits, outages, is_deposed) =
-            (shared.commits.clone(), shared.outages.clone(), shared.is_deposed.clone());
+        let (commits, outages, deposed) =
+            (shared.commits.clone(), shared.outages.clone(), shared.deposed.clone());
         let commit_seconds = Histogram::new(COMMIT_SECONDS);
         let seconds = commit_seconds.clone();
         let flusher = flusher(commit_seconds.clone(), ended.clone())?;
@@ -159,7 +158,7 @@ impl Writer {
             run(opened, waiting, &shared, (flusher, seconds)).await;
         });
         let task = tokio::sync::Mutex::new(Some(task));
-        Ok(Self { queue, task, ended, is_deposed, commits, outages, commit_seconds })
+        Ok(Self { queue, task, ended, deposed, commits, outages, commit_seconds })
     }
 
     /// The counter of commits.
@@ -182,9 +181,9 @@ impl Writer {
         self.ended.clone()
     }
 
-    /// Whether it has ended because another server leads.
-    pub(super) fn is_deposed(&self) -> bool {
-        self.is_deposed.load(Ordering::Acquire)
+    /// Why this server may not lead any more, if the writer has ended for this reason.
+    pub(super) fn deposed(&self) -> Option<&str> {
+        self.deposed.get().map(String::as_str)
     }
 
     /// Returns when the writer has ended.
@@ -287,7 +286,7 @@ async fn run(
                 if line.can_break() {
                     shared.outages.note();
                 }
-                let is_deposed = matches!(error, StoreError::OtherServer(_));
+                let deposed = error.end_of_lead();
                 match first {
                     Some(first) => {
                         tracing::error!(error = error.as_dyn(), "a transaction could not begin");
@@ -295,8 +294,8 @@ async fn run(
                     }
                     None => tracing::debug!(error = error.as_dyn(), "the idle connection is broken"),
                 }
-                if is_deposed {
-                    shared.is_deposed.store(true, Ordering::Release);
+                if let Some(reason) = deposed {
+                    let _ = shared.deposed.set(reason);
                     break;
                 }
                 continue;

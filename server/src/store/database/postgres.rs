@@ -147,7 +147,7 @@ impl Address {
         let primary = "SELECT NOT pg_is_in_recovery() AND current_setting('default_transaction_read_only') = 'off', pg_backend_pid()";
         let (writes, session): (bool, i32) = sqlx::query_as(primary).fetch_one(&mut *connection).await?;
         if !writes {
-            return Err(self.unsuitable("it accepts no writes: give the address of the primary"));
+            return Err(StoreError::ReadOnly(self.to_string()));
         }
         // An acknowledged write is on disk, whatever the setting of the database.
         let durable = "SELECT set_config('synchronous_commit', 'on', false) WHERE current_setting('synchronous_commit') = 'off'";
@@ -188,13 +188,8 @@ impl Address {
         });
         let connected = connecting.await.unwrap_or_else(|_| Err(late()));
         let (connection, (number, version, encoding)) = connected.map_err(|error| self.failed(error))?;
-        if number < i64::from(OLDEST) {
-            return Err(self.unsuitable(&format!("it is PostgreSQL {version}; 14 or newer is needed")));
-        }
-        if encoding != "UTF8" {
-            return Err(
-                self.unsuitable(&format!("its encoding is {encoding}: create it with the encoding UTF8"))
-            );
+        if let Some(reason) = unsuitable(number, &version, &encoding) {
+            return Err(StoreError::Unsuitable { database: self.to_string(), reason });
         }
         Ok((connection, format!("PostgreSQL {version}")))
     }
@@ -212,10 +207,14 @@ impl Address {
     fn failed(&self, source: sqlx::Error) -> StoreError {
         StoreError::Connect { database: self.to_string(), source }
     }
+}
 
-    fn unsuitable(&self, reason: &str) -> StoreError {
-        StoreError::Unsuitable { database: self.to_string(), reason: reason.to_owned() }
+/// The reason why a database of this version and encoding cannot be used.
+fn unsuitable(number: i64, version: &str, encoding: &str) -> Option<String> {
+    if number < i64::from(OLDEST) {
+        return Some(format!("it is PostgreSQL {version}; 14 or newer is needed"));
     }
+    (encoding != "UTF8").then(|| format!("its encoding is {encoding}: create it with the encoding UTF8"))
 }
 
 /// The error of a missed deadline.
@@ -240,6 +239,17 @@ mod tests {
             let name = name_of(&long.for_server(server));
             assert!(name.len() <= MAX_NAME_BYTES, "{name}");
             assert_eq!(address_in_name(&name), Some(server));
+        }
+    }
+
+    #[test]
+    fn a_postgresql_that_is_too_old_or_has_another_encoding_is_refused() {
+        let reason = |number, version, encoding| unsuitable(number, version, encoding).unwrap_or_default();
+        assert_eq!(reason(130_022, "13.22", "UTF8"), "it is PostgreSQL 13.22; 14 or newer is needed");
+        assert_eq!(reason(90_624, "9.6.24", "LATIN1"), "it is PostgreSQL 9.6.24; 14 or newer is needed");
+        assert!(reason(140_000, "14.0", "LATIN1").starts_with("its encoding is LATIN1"));
+        for (number, version) in [(140_000, "14.0"), (150_014, "15.14"), (180_000, "18.0")] {
+            assert_eq!(unsuitable(number, version, "UTF8"), None);
         }
     }
 

@@ -26,6 +26,7 @@ else
 fi
 touch "$DIR/run"
 while [ -e "$DIR/run" ]; do
+    if [ -e "$DIR/hold" ]; then sleep 0.1; continue; fi
     "$BIN/postgres" -D "$DIR/data" -k "$DIR" -c listen_addresses= -c max_connections=200 $SETTINGS >>"$DIR/log" 2>&1 </dev/null &
     echo $! >"$DIR/pid"
     wait $!
@@ -125,6 +126,57 @@ impl Cluster {
         assert!(killed.success());
         std::thread::sleep(Duration::from_millis(200));
         self.wait();
+    }
+
+    /// Stops it, until [`Self::start_again`].
+    #[allow(dead_code, reason = "the tests of the store stop none")]
+    pub(crate) fn stop(&self) {
+        std::fs::write(self.folder.join("hold"), "").unwrap();
+        let number = std::fs::read_to_string(self.folder.join("pid")).unwrap();
+        let stopped = Command::new("kill").args(["-INT", number.trim()]).status().unwrap();
+        assert!(stopped.success());
+        while self.folder.join("data/postmaster.pid").exists() {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// Starts it after a stop, and returns when it runs.
+    #[allow(dead_code, reason = "the tests of the store stop none")]
+    pub(crate) fn start_again(&self) {
+        std::fs::remove_file(self.folder.join("hold")).unwrap();
+        self.wait();
+    }
+
+    /// Freezes all its processes, which are the children of one, or lets them go on.
+    #[allow(dead_code, reason = "the tests of the store stop single sessions")]
+    pub(crate) fn signal_all(&self, signal: &str) {
+        let parent = std::fs::read_to_string(self.folder.join("pid")).unwrap();
+        let children = Command::new("pgrep").args(["-P", parent.trim()]).output().unwrap();
+        let children = String::from_utf8(children.stdout).unwrap();
+        let all = [parent.trim()].into_iter().chain(children.split_whitespace());
+        for process in all {
+            // A child may have ended meanwhile.
+            let _ = Command::new("kill").args([signal, process]).status();
+        }
+    }
+
+    /// Executes statements in a database, each in its own transaction. Returns what they show.
+    #[allow(dead_code, reason = "the tests of the store have connections")]
+    pub(crate) fn execute(&self, database: &str, statements: &[&str]) -> String {
+        let mut command = Command::new(self.programs.join("psql"));
+        command.arg("-h").arg(&self.folder).args([
+            "-U",
+            "roost",
+            "-XAtq",
+            "-v",
+            "ON_ERROR_STOP=1",
+            "-d",
+            database,
+        ]);
+        command.args(statements.iter().flat_map(|statement| ["-c", statement]));
+        let output = command.stdin(Stdio::null()).output().unwrap();
+        assert!(output.status.success(), "{statements:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap().trim().to_owned()
     }
 
     /// Its folder, in which it may write.

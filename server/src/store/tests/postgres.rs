@@ -90,6 +90,7 @@ async fn a_write_that_fails_in_postgresql_says_why_and_the_next_one_succeeds() {
         ("SET LOCAL statement_timeout = 10; SELECT pg_sleep(5)", Some(Unavailable::Slow)),
         ("SET LOCAL transaction_read_only = on; DELETE FROM frames", Some(Unavailable::ReadOnly)),
         ("SELECT pg_terminate_backend(pg_backend_pid())", Some(Unavailable::Away)),
+        ("DO $$ BEGIN RAISE EXCEPTION USING ERRCODE = 'disk_full'; END $$", Some(Unavailable::FullPostgres)),
         ("SELECT nothing", None),
     ] {
         let before = count(&store).await.unwrap();

@@ -4,8 +4,7 @@
 //! that PostgreSQL keeps itself. A connection that misses one is dropped like a broken one.
 
 use std::io;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use tokio::sync::mpsc;
@@ -23,8 +22,8 @@ use crate::store::database::{Connection, Engine, postgres, raw_sql};
 pub(super) struct Shared {
     pub(super) commits: Commits,
     pub(super) outages: Arc<Outages>,
-    /// Whether another server leads.
-    pub(super) is_deposed: Arc<AtomicBool>,
+    /// Why this server may not lead any more.
+    pub(super) deposed: Arc<OnceLock<String>>,
 }
 
 /// Why a transaction was not committed.

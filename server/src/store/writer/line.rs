@@ -1,12 +1,13 @@
 //! The connection of the writer. One to PostgreSQL can break: the next write opens another.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use backon::{BackoffBuilder, ExponentialBuilder};
-use tokio::time::Instant;
+use tokio::time::{Instant, timeout};
 
-use crate::store::StoreError;
 use crate::store::database::{Connection, Engine, postgres};
+use crate::store::{Edition, StoreError};
 
 /// How a broken connection is replaced.
 pub(in crate::store) struct Line {
@@ -16,11 +17,14 @@ pub(in crate::store) struct Line {
 
 struct Server {
     address: postgres::Address,
+    edition: Edition,
     /// The sessions that may hold the lock of the server: of the newest connection, and of attempts since then.
     sessions: Vec<i32>,
     /// Pauses between attempts, and the end of the present one.
     pauses: <ExponentialBuilder as BackoffBuilder>::Backoff,
     not_before: Instant,
+    /// Why the last attempt failed.
+    failure: Option<Arc<StoreError>>,
 }
 
 /// Pauses between attempts: each write that comes in one is refused at once.
@@ -40,8 +44,13 @@ impl Line {
     }
 
     /// Of PostgreSQL, with the session of the first connection to it.
-    pub(in crate::store) fn postgres(address: postgres::Address, sessions: Vec<i32>) -> Self {
-        Self { server: Some(Server { address, sessions, pauses: pauses(), not_before: Instant::now() }) }
+    pub(in crate::store) fn postgres(
+        address: postgres::Address,
+        edition: Edition,
+        sessions: Vec<i32>,
+    ) -> Self {
+        let (pauses, not_before) = (pauses(), Instant::now());
+        Self { server: Some(Server { address, edition, sessions, pauses, not_before, failure: None }) }
     }
 
     /// Whether its connections can break.
@@ -53,28 +62,38 @@ impl Line {
     /// was told.
     pub(super) async fn open(&mut self) -> Result<Connection, StoreError> {
         let Some(server) = &mut self.server else { return Err(StoreError::WriterGone) };
-        if Instant::now() < server.not_before {
-            return Err(server.away());
+        if let Some(failure) = &server.failure
+            && Instant::now() < server.not_before
+        {
+            return Err(StoreError::Shared(failure.clone()));
         }
-        let opened = server.open().await;
-        match &opened {
-            Ok(_) => server.pauses = pauses(),
-            Err(_) => server.not_before = Instant::now() + server.pauses.next().unwrap_or_default(),
+        match server.open().await {
+            Ok(connection) => {
+                (server.pauses, server.failure) = (pauses(), None);
+                Ok(connection)
+            }
+            Err(error) => {
+                server.not_before = Instant::now() + server.pauses.next().unwrap_or_default();
+                let failure = server.failure.insert(Arc::new(error));
+                Err(StoreError::Shared(failure.clone()))
+            }
         }
-        opened
     }
 }
 
 impl Server {
     async fn open(&mut self) -> Result<Connection, StoreError> {
         let (connection, _) = self.address.connect_writer(&mut self.sessions).await?;
+        let mut connection = Connection::from(connection);
+        // Another server may have led and ended meanwhile, and may have upgraded the database.
+        let checked = timeout(postgres::BEGIN_DEADLINE, self.edition.keep_lead(&mut connection)).await;
+        if let Err(error) = checked.unwrap_or_else(|_| Err(postgres::late().into())) {
+            // The lock ends with the session.
+            let _ = timeout(postgres::BEGIN_DEADLINE, connection.close()).await;
+            return Err(error);
+        }
         tracing::info!(database = %self.address, "connected to PostgreSQL again");
-        Ok(connection.into())
-    }
-
-    fn away(&self) -> StoreError {
-        let source = sqlx::Error::Io(std::io::ErrorKind::NotConnected.into());
-        StoreError::Connect { database: self.address.to_string(), source }
+        Ok(connection)
     }
 }
 
