@@ -5,6 +5,7 @@ A request is repeated only where that is safe. Requests that create something ca
 
 from __future__ import annotations
 
+import errno
 import ipaddress
 import json
 import os
@@ -209,6 +210,8 @@ class Transport:
 
     def download(self, path: str, target: Path, params: Params | None = None) -> Path:
         """Writes an answer to a file, which appears once it is complete."""
+        if not target.parent.is_dir():
+            raise FileNotFoundError(errno.ENOENT, "the folder of the file does not exist", str(target.parent))
         pauses = self._pauses()
         part = target.with_name(f"{target.name}.part")
         while True:

@@ -173,6 +173,8 @@ def test_files_have_the_same_rows(sweep: Sweep, client: Client, tmp_path: Path) 
     assert len(json.loads(points.read_bytes())["points"]) == 4
     with pytest.raises(RoostError, match="format"):
         sweep.download(tmp_path / "results.docx")
+    with pytest.raises(FileNotFoundError, match="folder of the file does not exist.*nowhere'"):
+        sweep.download(tmp_path / "nowhere/results.csv")
 
 
 @pytest.mark.parametrize("by", ["trial", "point"])

@@ -126,14 +126,14 @@ pub(super) fn answer(study: &Study, answer: &Answer, known: &Known) -> Vec<Strin
     sentences.extend(excluded(study, &answer.excluded));
     for of in &answer.unusable {
         let counts = [
-            (of.missing, "without it"),
-            (of.not_binary, "neither 0 nor 1"),
-            (of.outliers, "far from all others"),
+            (of.missing, "without a value"),
+            (of.not_binary, "with a value that is neither 0 nor 1"),
+            (of.outliers, "with a value far from all others"),
         ];
         let counts = counts.iter().filter(|(runs, _)| *runs > 0).map(|(runs, why)| format!("{runs} {why}"));
         let response = of.of.response();
         sentences
-            .push(format!("Not used of the response `{response}`: {}.", list(&counts.collect::<Vec<_>>())));
+            .push(format!("Of these runs, the response `{response}` leaves out {}.", list(&counts.collect::<Vec<_>>())));
     }
     sentences.push(assumptions(study));
     sentences.extend(sources::assumption(study));
