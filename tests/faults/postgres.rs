@@ -12,7 +12,7 @@ use crate::requests::{
     accepted, assert_claimable, assert_refused, get, post, submit, wait_until_not_ready, wait_until_ready,
 };
 use crate::support::small_disk::SmallDisk;
-use crate::support::{Process, Sandbox, hopper_scenario};
+use crate::support::{Process, Sandbox, hopper_scenario, wait_until};
 
 /// No machine loses its power here.
 const FAST: &str = "-c fsync=off";
@@ -80,7 +80,8 @@ fn a_slow_postgresql_is_reported_and_loses_nothing() {
             std::process::Command::new("curl").args(arguments).output().unwrap().stdout
         });
         assert_refused(get(&place.sandbox, "/readyz"), 503, "the database took too long");
-        assert!(began.elapsed() < Duration::from_secs(6), "a probe waits 5 s: {:?}", began.elapsed());
+        // A probe waits 5 s, on a machine that is not as busy as this one may be.
+        assert!(began.elapsed() < Duration::from_secs(10), "{:?}", began.elapsed());
         place.postgres.signal_all("-CONT");
         late.join().unwrap()
     });
@@ -93,11 +94,15 @@ fn a_slow_postgresql_is_reported_and_loses_nothing() {
 fn a_postgresql_whose_writer_is_blocked_is_reported_and_loses_nothing() {
     let place = Place::new();
     // Another program holds the lock of writers for longer than the server waits for it.
-    let hold = "SELECT pg_advisory_xact_lock(8246779703540740723), pg_sleep(11)";
+    let hold = "SELECT pg_advisory_xact_lock(8246779703540740723), pg_sleep(60)";
+    let is_held =
+        "SELECT count(*) FROM pg_stat_activity WHERE query LIKE '%pg_sleep(60)' AND wait_event = 'PgSleep'";
+    let release = "SELECT pg_cancel_backend(pid) FROM pg_stat_activity WHERE query LIKE '%pg_sleep(60)' AND wait_event = 'PgSleep'";
     thread::scope(|scope| {
-        scope.spawn(|| place.postgres.execute("roost", &[hold]));
-        thread::sleep(Duration::from_millis(300));
+        scope.spawn(|| place.postgres.try_execute("roost", &[hold]));
+        wait_until("the lock is held", || (place.postgres.execute("roost", &[is_held]) == "1").then_some(()));
         assert_refused(submit(&place.sandbox, 10), 503, "the database took too long");
+        place.postgres.execute("roost", &[release]);
     });
     place.assert_nothing_is_lost(Vec::new());
 }

@@ -21,6 +21,13 @@ pub(crate) fn pair_of_sandboxes(new: impl Fn() -> Sandbox) -> [Sandbox; 2] {
 
 /// A PostgreSQL with one database, and two servers of it: the first one leads.
 pub(crate) fn two_servers() -> (Cluster, String, [Sandbox; 2], [Process; 2]) {
+    two_servers_with(start)
+}
+
+/// The same, each started by a function.
+pub(crate) fn two_servers_with(
+    start: impl Fn(&Sandbox, &str) -> Process,
+) -> (Cluster, String, [Sandbox; 2], [Process; 2]) {
     let postgres = Cluster::start(&std::env::temp_dir(), "");
     let database = postgres.create("roost");
     let sandboxes = pair_of_sandboxes(Sandbox::new);

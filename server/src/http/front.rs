@@ -22,7 +22,7 @@ use hyper_util::client::legacy::connect::HttpConnector;
 use hyper_util::rt::{TokioExecutor, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use tokio::sync::watch;
-use tokio::time::{Instant, sleep, timeout_at};
+use tokio::time::{Instant, sleep, timeout, timeout_at};
 use tokio_util::sync::CancellationToken;
 
 use super::problem::{ApiError, ProblemKind};
@@ -34,6 +34,9 @@ const PATIENCE: Duration = Duration::from_secs(if cfg!(test) { 4 } else { 10 });
 
 /// Wait before a leader that could not be reached is tried again.
 const RETRY: Duration = Duration::from_millis(200);
+
+/// Time for which `/readyz` waits: a probe has less patience than a client, usually 5 s.
+const PROBE: Duration = Duration::from_secs(3);
 
 /// Maximum time of an attempt to connect to the leader.
 const CONNECT: Duration = Duration::from_secs(2);
@@ -137,7 +140,9 @@ struct Front {
 
 async fn answer(State(front): State<Arc<Front>>, mut request: Request) -> Response {
     let mut roles = front.roles.clone();
-    let (mut deadline, mut was_silent) = (Instant::now() + PATIENCE, false);
+    let is_probe = request.uri().path() == "/readyz";
+    let patience = if is_probe { PROBE } else { PATIENCE };
+    let (mut deadline, mut was_silent) = (Instant::now() + patience, false);
     let mut reason = None;
     loop {
         let role = roles.borrow_and_update().clone();
@@ -149,7 +154,6 @@ async fn answer(State(front): State<Arc<Front>>, mut request: Request) -> Respon
         match request.uri().path() {
             "/healthz" if request.method().is_safe() => return own(meta::healthz().await),
             "/metrics" if request.method().is_safe() => return own(metrics::of_standby()),
-            // A probe has less patience than a client.
             "/readyz" if matches!(role, Role::Waits(Some(_))) => deadline = Instant::now(),
             _ => {}
         }
@@ -160,10 +164,17 @@ async fn answer(State(front): State<Arc<Front>>, mut request: Request) -> Respon
             && !request.headers().contains_key(PASSED_ON)
         {
             let began = Instant::now();
-            match front.pass_on(&leader, request).await {
+            let passed = front.pass_on(&leader, request);
+            let passed = match is_probe {
+                true => timeout(PROBE, passed)
+                    .await
+                    .unwrap_or(Err(Unanswered { again: None, why: "did not answer" })),
+                false => passed.await,
+            };
+            match passed {
                 Ok(response) => return response,
                 Err(Unanswered { again, why }) => {
-                    let why = format!("the leading server at {leader} {why}: try again later").into();
+                    let why = format!("the leading server {why}: try again later").into();
                     let Some(again) = again else { return unavailable(Some(why)) };
                     (request, reason) = (again, Some(why));
                 }

@@ -39,9 +39,10 @@ async fn may_pass_on(site: &Site, election: &mut Election) -> Result<(), ServerE
     Err(ServerError::NotLoopback(site.address))
 }
 
-/// Why the last attempt to lead failed, and when the next one may begin.
+/// Why the last attempt to lead failed, for the log and for clients, and when the next one may begin.
 struct Obstacle {
-    reason: String,
+    log: String,
+    shown: String,
     until: Instant,
 }
 
@@ -59,7 +60,7 @@ pub(super) async fn wait_to_lead(site: &Site, role: &watch::Sender<Role>) -> Lea
                 answered = Instant::now();
                 if obstacle.as_ref().is_none_or(|obstacle| obstacle.until <= answered) {
                     // Requests wait, instead of going to the last leader.
-                    set(role, waits(obstacle.as_ref().map(|obstacle| &*obstacle.reason)));
+                    set(role, waits(obstacle.as_ref().map(|obstacle| &*obstacle.shown)));
                     let started = match election.refuse_newer(site.config.edition()).await {
                         Ok(()) => Leading::start(site).await,
                         Err(error) => Err(error.into()),
@@ -69,14 +70,14 @@ pub(super) async fn wait_to_lead(site: &Site, role: &watch::Sender<Role>) -> Lea
                         Err(ServerError::Store(StoreError::OtherServer(_))) => continue,
                         Err(error) => {
                             election.forget_connection();
-                            let reason = format!("no server leads, and this one cannot: {}", reason(&error));
-                            obstacle = Some(Obstacle { reason, until: Instant::now() + PAUSE });
+                            let text = |reason| format!("no server leads, and this one cannot: {reason}");
+                            let (log, shown) = (text(reason(&error)), text(shown(&error)));
+                            obstacle = Some(Obstacle { log, shown, until: Instant::now() + PAUSE });
                         }
                     }
                 }
-                let reason = obstacle.as_ref().map_or("", |obstacle| &obstacle.reason);
-                set(role, waits(Some(reason)));
-                reason.to_owned()
+                set(role, waits(obstacle.as_ref().map(|obstacle| &*obstacle.shown)));
+                obstacle.as_ref().map_or_else(String::new, |obstacle| obstacle.log.clone())
             }
             Ok(Some(log)) => {
                 (answered, obstacle) = (Instant::now(), None);
@@ -86,7 +87,7 @@ pub(super) async fn wait_to_lead(site: &Site, role: &watch::Sender<Role>) -> Lea
                 let log = format!("asking who leads failed: {}", reason(&error));
                 // The leader may well answer.
                 if answered.elapsed() > HOLDS || matches!(*role.borrow(), Role::Waits(_)) {
-                    set(role, waits(Some(&log)));
+                    set(role, waits(Some(&format!("asking who leads failed: {}", shown(&error)))));
                 }
                 log
             }
@@ -123,25 +124,29 @@ async fn observe(
         }
         Leader::At(leader) => leader,
     };
-    let obstacle = match may_pass_on(site, election).await {
-        _ if site.is_own(&leader) => format!(
-            "the session of a server at {leader} leads, which is the address of this one: of its last process, or of another server with the \
-             same --advertise"
+    let (log, shown) = match may_pass_on(site, election).await {
+        _ if site.is_own(&leader) => (
+            format!(
+                "the session of a server at {leader} leads, which is the address of this one: of its last process, or of another server with \
+                 the same --advertise"
+            ),
+            "the leading server has the address of this one",
         ),
-        Err(error @ ServerError::NotLoopback(_)) => error.to_string(),
+        Err(error @ ServerError::NotLoopback(_)) => (error.to_string(), IN_THE_LOG),
         Err(error) => return Err(error),
         Ok(()) => match Role::passes_on(&leader) {
             Some(next) => {
                 set(role, next);
                 return Ok(Some(format!("requests are passed on to {leader}")));
             }
-            None => {
-                format!("the leading server names the address '{leader}', which is no host and port")
-            }
+            None => (
+                format!("the leading server names the address '{leader}', which is no host and port"),
+                "the leading server has no address",
+            ),
         },
     };
-    set(role, waits(Some(&obstacle)));
-    Ok(Some(obstacle))
+    set(role, waits(Some(shown)));
+    Ok(Some(log))
 }
 
 /// Sets the role. Those who wait for a change see none if it is the same.
@@ -153,6 +158,22 @@ fn set(role: &watch::Sender<Role>, next: Role) {
         }
         is_new
     });
+}
+
+/// What clients read in place of an error that names hosts, folders or settings.
+const IN_THE_LOG: &str = "its operator finds the reason in the server's log";
+
+/// What anybody may read about an error: clients without a token do.
+fn shown(error: &ServerError) -> String {
+    match error {
+        ServerError::Store(error @ (StoreError::Newer { .. } | StoreError::NewerSolver { .. })) => {
+            error.to_string()
+        }
+        ServerError::Store(error) => {
+            error.unavailable().map_or_else(|| IN_THE_LOG.to_owned(), |reason| reason.sentence().to_owned())
+        }
+        _ => IN_THE_LOG.to_owned(),
+    }
 }
 
 /// What an operator can do about it.

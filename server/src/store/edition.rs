@@ -45,6 +45,11 @@ impl Edition {
         // Before the migrations: a refused server changes nothing.
         self.refuse_newer(connection).await?;
         migrate_to(connection, &self.migrator(connection.engine())).await?;
+        self.note_solver(connection).await
+    }
+
+    /// Notes the solver, where it is not noted.
+    async fn note_solver(self, connection: &mut Connection) -> Result<(), StoreError> {
         if newest_solver(connection).await? == Some(i64::from(self.solver_revision)) {
             return Ok(());
         }
@@ -59,9 +64,15 @@ impl Edition {
     pub(super) async fn keep_lead(self, connection: &mut Connection) -> Result<(), StoreError> {
         self.refuse_newer(connection).await?;
         let known = newest_known(&self.migrator(connection.engine()));
-        match newest_run(connection).await?.unwrap_or(0) {
-            found if found < known => Err(StoreError::Replaced { found, known }),
-            _ => Ok(()),
+        match newest_run(connection).await? {
+            // Its operator restores a dump, perhaps. Tables of this server would be in the way.
+            None => Err(StoreError::Unsuitable {
+                database: "the database".to_owned(),
+                reason: "it has no tables of Roost now".to_owned(),
+            }),
+            Some(found) if found < known => Err(StoreError::Replaced { found, known }),
+            // An earlier state of the database may lack the note.
+            Some(_) => self.note_solver(connection).await,
         }
     }
 

@@ -135,9 +135,13 @@ impl Cluster {
         let number = std::fs::read_to_string(self.folder.join("pid")).unwrap();
         let stopped = Command::new("kill").args(["-INT", number.trim()]).status().unwrap();
         assert!(stopped.success());
-        while self.folder.join("data/postmaster.pid").exists() {
+        for _ in 0..1500 {
+            if !self.folder.join("data/postmaster.pid").exists() {
+                return;
+            }
             std::thread::sleep(Duration::from_millis(20));
         }
+        panic!("PostgreSQL does not stop");
     }
 
     /// Starts it after a stop, and returns when it runs.
@@ -148,7 +152,6 @@ impl Cluster {
     }
 
     /// Freezes all its processes, which are the children of one, or lets them go on.
-    #[allow(dead_code, reason = "the tests of the store stop single sessions")]
     pub(crate) fn signal_all(&self, signal: &str) {
         let parent = std::fs::read_to_string(self.folder.join("pid")).unwrap();
         let children = Command::new("pgrep").args(["-P", parent.trim()]).output().unwrap();
@@ -163,6 +166,14 @@ impl Cluster {
     /// Executes statements in a database, each in its own transaction. Returns what they show.
     #[allow(dead_code, reason = "the tests of the store have connections")]
     pub(crate) fn execute(&self, database: &str, statements: &[&str]) -> String {
+        let output = self.try_execute(database, statements);
+        assert!(output.status.success(), "{statements:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap().trim().to_owned()
+    }
+
+    /// The same, which may fail.
+    #[allow(dead_code, reason = "the tests of the store have connections")]
+    pub(crate) fn try_execute(&self, database: &str, statements: &[&str]) -> std::process::Output {
         let mut command = Command::new(self.programs.join("psql"));
         command.arg("-h").arg(&self.folder).args([
             "-U",
@@ -174,9 +185,7 @@ impl Cluster {
             database,
         ]);
         command.args(statements.iter().flat_map(|statement| ["-c", statement]));
-        let output = command.stdin(Stdio::null()).output().unwrap();
-        assert!(output.status.success(), "{statements:?}: {}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8(output.stdout).unwrap().trim().to_owned()
+        command.stdin(Stdio::null()).output().unwrap()
     }
 
     /// Its folder, in which it may write.
@@ -196,6 +205,10 @@ impl Cluster {
 /// One that does not live until the end of the process ends here.
 impl Drop for Cluster {
     fn drop(&mut self) {
+        // A failed test may have left its processes frozen, which would not end.
+        if self.folder.join("pid").exists() {
+            self.signal_all("-CONT");
+        }
         if let Ok(mut shell) = self.shell.lock() {
             shell.1 = None;
             let _ = shell.0.wait();

@@ -173,7 +173,8 @@ async fn a_writer_that_connects_again_refuses_a_database_of_another_version_and_
         write(&store).await.unwrap();
         break_after(&place, change).await;
         let refused = write(&store).await.expect_err("another version");
-        assert_eq!(refused.unavailable(), Some(reason), "{change}: {refused:?}");
+        // A beat may have found it first.
+        assert!(refused.unavailable() == Some(reason) || refused.is_stopping(), "{change}: {refused:?}");
         tokio::time::timeout(Duration::from_secs(20), store.ended()).await.expect("the writer ends");
         assert!(store.deposed().unwrap_or_default().contains(words), "{:?}", store.deposed());
         // The lock is free for the next server.

@@ -132,8 +132,10 @@ pub(super) fn answer(study: &Study, answer: &Answer, known: &Known) -> Vec<Strin
         ];
         let counts = counts.iter().filter(|(runs, _)| *runs > 0).map(|(runs, why)| format!("{runs} {why}"));
         let response = of.of.response();
-        sentences
-            .push(format!("Of these runs, the response `{response}` leaves out {}.", list(&counts.collect::<Vec<_>>())));
+        sentences.push(format!(
+            "Of these runs, the response `{response}` leaves out {}.",
+            list(&counts.collect::<Vec<_>>())
+        ));
     }
     sentences.push(assumptions(study));
     sentences.extend(sources::assumption(study));
