@@ -34,7 +34,7 @@ pub(super) async fn measure(args: &Args) -> Result<Vec<Row>> {
     let mut rows = Rows { only: args.only.clone(), postgres, rows: Vec::new() };
     let length = Duration::from_secs(args.seconds);
     let results = Arc::new(Results::prepare()?);
-    pairs::measure(&mut rows, &results, length, Duration::from_secs(args.hold)).await?;
+    pairs::measure(&mut rows, &results, length, Duration::from_secs(args.hold.max(args.seconds))).await?;
     if rows.includes(&[SWEEP, WAITING, POLLS, POLLS_CPU, STOP]) {
         waiting_and_polls(&mut rows, length).await?;
     }

@@ -94,13 +94,6 @@ impl Serialize for Target {
 }
 
 pub(super) async fn execute(args: Args) -> Result<Exit> {
-    if args.hold < args.seconds {
-        bail!(
-            "--hold {} is shorter than --seconds {}: the last {0} s of the open transaction are measured",
-            args.hold,
-            args.seconds
-        );
-    }
     // Dropping the measurement kills its server and removes its folder; an unhandled signal would leave both.
     let shutdown = signals::shutdown_token()?;
     let rows = tokio::select! {
