@@ -5,6 +5,7 @@ A notebook without ipywidgets has a bar of text.
 
 from __future__ import annotations
 
+import importlib
 import os
 import sys
 import threading
@@ -62,25 +63,24 @@ def draw_bar(name: str, form: str, *, is_shown: bool) -> tqdm[NoReturn]:
         # With None, tqdm disables the bar where the output is no terminal.
         disabled = None if is_shown else True
         return tqdm(total=1.0, desc=name, unit="", bar_format=form, ncols=columns, nrows=rows, disable=disabled)
+    _import_widget()
+    from tqdm.auto import tqdm as widget
+
     # The output of a notebook is no terminal.
-    widget = _widget()
     return widget(total=1.0, desc=name, unit="", bar_format=form, ncols=columns, nrows=rows, disable=not is_shown)
 
 
 _importing = threading.Lock()
 
 
-def _widget() -> type[tqdm[NoReturn]]:
-    """The bar of notebooks."""
+def _import_widget() -> None:
+    """Imports the bar of notebooks without the warning of tqdm where ipywidgets is missing."""
     with _importing:
         if "tqdm.auto" not in sys.modules:
             # Only at the first import, and one thread at a time: the filter is one for all threads.
             with warnings.catch_warnings():
-                # tqdm warns where ipywidgets is missing.
                 warnings.simplefilter("ignore")
-                import tqdm.auto
-        from tqdm.auto import tqdm as widget
-    return widget
+                importlib.import_module("tqdm.auto")
 
 
 def width() -> int | None:

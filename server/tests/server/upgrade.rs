@@ -73,7 +73,13 @@ async fn old_database_gives_the_answers_of_its_version() {
                 assert_eq!(result.scenario.schema, roost_solver::scenario::SCHEMA, "{version}");
             }
             let now = server.get(path).await.expect(StatusCode::OK);
-            assert_eq!(differences(recorded, &now, path), [""; 0], "{version}");
+            // Workers with an older solver get no more jobs.
+            let is_drained = |text: &String| {
+                text.starts_with("/v1/workers/") && text.ends_with("/draining: false has become true")
+            };
+            let mut found = differences(recorded, &now, path);
+            found.retain(|text| !is_drained(text));
+            assert_eq!(found, [""; 0], "{version}");
         }
         server.stop().await;
     }
