@@ -103,7 +103,7 @@ async fn a_newer_server_takes_over_and_the_older_one_stands_by_for_good() {
     let start = |edition| Running::start(&place, data.path(), edition);
     let older = start(Edition::default()).await.unwrap();
     let (running, worker) = (id_of(older.submit(1).await), older.worker().await);
-    assert_eq!(older.claim(&worker).await, [running.clone()]);
+    assert_eq!(older.claim(&worker).await, std::slice::from_ref(&running));
     let newer = start(next_version()).await.unwrap();
     newer.wait_until_ready_is(200, "ok").await;
     let waiting = id_of(newer.submit(2).await);
