@@ -3,6 +3,7 @@
 use roost_api::job::JobState;
 
 use crate::cluster::Cluster;
+use crate::recovery::{Jobs, lose};
 use crate::support::{Sandbox, hopper_scenario, stdout};
 
 #[test]
@@ -13,20 +14,12 @@ fn a_dump_restores_the_jobs_of_its_time() {
     let sandbox = Sandbox::new();
     let start = || sandbox.start_server_with(&["--database", &database]);
     let server = start();
-    let worker = sandbox.start_worker("worker");
-    let done = sandbox.submit(&hopper_scenario(0.6));
-    sandbox.wait_for_job(&done, "it ends", |job| job.state == JobState::Succeeded);
-    let result = stdout(&sandbox.roost(&["results", &done.id.to_string()]));
-    worker.terminate();
-    assert!(worker.wait().0.success());
-    let waiting = sandbox.submit(&hopper_scenario(0.5));
+    let Jobs { done, result, waiting } = Jobs::of(&sandbox);
     let file = sandbox.path("roost.dump").display().to_string();
     let dump = ["-U", "roost", "--format=custom", "--file", &file, "--dbname=roost"];
     assert!(postgres.run("pg_dump", &dump).unwrap());
 
-    stdout(&sandbox.roost(&["cancel", &waiting.id.to_string()]));
-    stdout(&sandbox.roost(&["prune", "--older-than", "0h", "--yes"]));
-    assert!(sandbox.job(&done).is_none(), "the mistake");
+    lose(&sandbox, &done, &waiting);
     let late = sandbox.submit(&hopper_scenario(0.4));
     server.terminate();
     assert!(server.wait().0.success());

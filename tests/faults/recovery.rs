@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use roost_api::job::JobState;
+use roost_api::job::{JobState, JobView};
 use roost_api::time::Timestamp;
 
 use crate::cluster::Cluster;
@@ -39,6 +39,32 @@ fn wait_for(postgres: &Cluster, what: &str, condition: &str) {
     wait_until(what, || succeeds(postgres, &statement).then_some(()));
 }
 
+/// A job with its result, and a job that waits.
+pub(crate) struct Jobs {
+    pub(crate) done: JobView,
+    pub(crate) result: String,
+    pub(crate) waiting: JobView,
+}
+
+impl Jobs {
+    pub(crate) fn of(sandbox: &Sandbox) -> Self {
+        let worker = sandbox.start_worker("worker");
+        let done = sandbox.submit(&hopper_scenario(0.6));
+        sandbox.wait_for_job(&done, "it ends", |job| job.state == JobState::Succeeded);
+        let result = stdout(&sandbox.roost(&["results", &done.id.to_string()]));
+        worker.terminate();
+        assert!(worker.wait().0.success());
+        Self { done, result, waiting: sandbox.submit(&hopper_scenario(0.5)) }
+    }
+}
+
+/// Cancels the waiting job and deletes the result of the other one.
+pub(crate) fn lose(sandbox: &Sandbox, done: &JobView, waiting: &JobView) {
+    stdout(&sandbox.roost(&["cancel", &waiting.id.to_string()]));
+    stdout(&sandbox.roost(&["prune", "--older-than", "0h", "--yes"]));
+    assert!(sandbox.job(done).is_none(), "the mistake");
+}
+
 #[test]
 fn a_server_on_a_recovered_postgresql_has_the_jobs_of_that_time() {
     let postgres = archiving();
@@ -50,20 +76,11 @@ fn a_server_on_a_recovered_postgresql_has_the_jobs_of_that_time() {
     let backup = ["-U", "roost", "-D", &folder, "--format=tar", "--wal-method=none", "--checkpoint=fast"];
     assert!(postgres.run("pg_basebackup", &backup).unwrap());
 
-    let worker = sandbox.start_worker("worker");
-    let done = sandbox.submit(&hopper_scenario(0.6));
-    sandbox.wait_for_job(&done, "it ends", |job| job.state == JobState::Succeeded);
-    let result = stdout(&sandbox.roost(&["results", &done.id.to_string()]));
-    worker.terminate();
-    assert!(worker.wait().0.success());
-    let waiting = sandbox.submit(&hopper_scenario(0.5));
-
+    let Jobs { done, result, waiting } = Jobs::of(&sandbox);
     std::thread::sleep(Duration::from_millis(100));
     let before = Timestamp::now().to_string().replace('Z', "+00");
     std::thread::sleep(Duration::from_millis(100));
-    stdout(&sandbox.roost(&["cancel", &waiting.id.to_string()]));
-    stdout(&sandbox.roost(&["prune", "--older-than", "0h", "--yes"]));
-    assert!(sandbox.job(&done).is_none(), "the mistake");
+    lose(&sandbox, &done, &waiting);
     server.terminate();
     assert!(server.wait().0.success());
     sql(&postgres, "CREATE TABLE switched AS SELECT pg_walfile_name(pg_switch_wal()) AS name");
