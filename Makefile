@@ -8,15 +8,17 @@ ifeq ($(wildcard /usr/share/vulkan/icd.d/lvp_icd*),)
 NEEDS += lavapipe:mesa-vulkan-drivers
 endif
 # The browser that tests of the dashboard look through.
-test: NEEDS += chromium:chromium
+test-build: NEEDS += chromium:chromium
 # PostgreSQL, of which the tests start one of their own; its programs are not on the path.
 ifeq ($(wildcard /usr/lib/postgresql/*/bin/postgres),)
-test: NEEDS += postgres:postgresql
+test-build: NEEDS += postgres:postgresql
 endif
 # Drivers complain without.
 export XDG_RUNTIME_DIR ?= /tmp
 
-.PHONY: demo test check deny dashboard-check book validation wheel python-tools needs
+TEST_PARTS := test-units test-a-to-e test-f-to-z
+
+.PHONY: demo test test-build $(TEST_PARTS) check deny dashboard-check book validation wheel python-tools needs
 
 MDBOOK := target/tools/bin/mdbook
 
@@ -24,13 +26,25 @@ MDBOOK := target/tools/bin/mdbook
 demo: needs
 	cargo run -- demo --exit
 
-test: NEEDS += faketime:faketime
+test: test-build
+	@$(MAKE) --no-print-directory --jobs --keep-going $(TEST_PARTS)
+
+test-build: NEEDS += faketime:faketime
 # The tests of the alerts in deploy/ start a Prometheus of their own; they use no service that the package may start.
-test: NEEDS += promtool:prometheus
-# Many tests wait for processes: with two cores, four at a time end sooner.
-test: export RUST_TEST_THREADS ?= $(shell cores=$$(nproc); echo $$((cores > 4 ? cores : 4)))
-test: needs python-tools
-	cargo test --workspace --no-fail-fast $(TEST)
+test-build: NEEDS += promtool:prometheus
+test-build: needs python-tools
+	cargo test --workspace --no-run
+
+# Many tests wait for processes: parts that run at the same time, with a few tests each, end sooner. Tests in folders named `tests` are
+# split by the first letter of their names.
+$(TEST_PARTS): export RUST_TEST_THREADS ?= $(shell cores=$$(nproc); echo $$((cores > 6 ? cores / 2 : 3)))
+test-units:
+	cargo test --workspace --no-fail-fast --lib --bins
+	cargo test --workspace --no-fail-fast --doc
+test-a-to-e:
+	cargo test --workspace --no-fail-fast --test '[a-e]*'
+test-f-to-z:
+	cargo test --workspace --no-fail-fast --test '[f-z]*'
 
 # Format, lints, documentation of the code, dependencies, and types of the dashboard. A warning is an error.
 check: needs deny dashboard-check
