@@ -325,6 +325,6 @@ fn each_text_of_a_planted_error_occurs_once_in_its_file() {
             count += 1;
         }
     }
-    let verification = read("docs/verification.md");
-    assert!(verification.contains(&format!("For {count} of these errors")), "the list has {count} texts");
+    let page = read("docs/planted-errors.md");
+    assert!(page.contains(&format!("For {count} of these errors")), "the list has {count} texts");
 }
