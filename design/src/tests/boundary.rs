@@ -278,29 +278,31 @@ fn timed_decision(truth: &Truth, runs: Vec<Run>) -> (Decision, f64) {
     (decision, processor_seconds() - start)
 }
 
-/// A model of all points would take the cube of their number. The times are compared with each other, since machines differ.
-const MOST_TIMES_AS_LONG: f64 = 8.0;
+/// The times are compared with each other, since machines differ. A model of all points would take the cube of their number.
+const MOST_TIMES_AS_LONG: f64 = 3.0;
 
 #[test]
-fn a_decision_about_four_times_as_many_replicates_takes_less_than_8_times_as_long() {
+fn a_decision_about_five_times_as_many_replicates_takes_less_than_3_times_as_long() {
     for name in ["2 factors, curved", "2 factors, wavy"] {
         let truth = truth(name);
-        let [few, many] = [50, 200].map(|points| {
-            let points = (0..points).map(|index| Point::new(&crate::space::sobol(index, 2, 5)));
+        let [few, many] = [2, 10].map(|replicates| {
+            let points = (0..200).map(|index| Point::new(&crate::space::sobol(index, 2, 5)));
             let proposals: Vec<Proposal> = points
-                .flat_map(|point| (0..10).map(move |replicate| Proposal { point: point.clone(), replicate }))
+                .flat_map(|point| {
+                    (0..replicates).map(move |replicate| Proposal { point: point.clone(), replicate })
+                })
                 .collect();
             let (decision, seconds) = timed_decision(truth, results(truth, &proposals, &mut Random(1)));
             assert_eq!(decision.proposals.len(), 200);
             seconds
         });
-        println!("{name}: {few:.2} s for 500 runs, {many:.2} s for 2,000");
+        println!("{name}: {few:.2} s for 400 runs, {many:.2} s for 2,000");
         assert!(many < MOST_TIMES_AS_LONG * few, "{name}: {few} s and {many} s");
     }
 }
 
 #[test]
-fn a_decision_about_four_times_as_many_points_takes_less_than_8_times_as_long() {
+fn a_decision_about_four_times_as_many_points_takes_less_than_3_times_as_long() {
     for name in ["2 factors, curved", "2 factors, wavy"] {
         let truth = truth(name);
         let at = |index: usize| Point::new(&crate::space::sobol(index, 2, 5));
