@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use crate::job::words;
+use crate::words::words;
 
 words!(
     /// How levels are combined to design points.

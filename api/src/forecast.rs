@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::ids::JobId;
-use crate::job::words;
 use crate::time::Timestamp;
+use crate::words::words;
 
 words!(
     /// Why a queued job waits.

@@ -34,6 +34,7 @@ pub mod time;
 pub mod token;
 pub mod validate;
 pub mod version;
+mod words;
 pub mod worker;
 
 pub use roost_solver::result::{Estimate, Phase, Progress, RunResult, Series};

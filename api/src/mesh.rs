@@ -5,8 +5,8 @@ use roost_solver::mesh::{DIGEST_DIGITS, MAX_FILE_BYTES};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use crate::job::words;
 use crate::time::Timestamp;
+use crate::words::words;
 
 /// Media type of an STL file.
 pub const MEDIA_TYPE: &str = "model/stl";

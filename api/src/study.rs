@@ -10,9 +10,10 @@ use utoipa::ToSchema;
 
 use crate::design::Factor;
 use crate::ids::SweepId;
-use crate::job::{Cache, Needs, words};
+use crate::job::{Cache, Needs};
 use crate::sweep::PosteriorDraws;
 use crate::time::Timestamp;
+use crate::words::words;
 
 /// The schema of a study.
 pub const SCHEMA: &str = "roost.study/1";

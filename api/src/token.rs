@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use crate::job::words;
 use crate::time::Timestamp;
+use crate::words::words;
 
 words!(
     /// A scope of a token.
