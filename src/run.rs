@@ -12,7 +12,8 @@ use roost_terminal::progress::Bar;
 use roost_terminal::{
     BadInput, Exit, Table, format, input, message, print_json, print_line, print_lines, signals, threads,
 };
-use roost_worker::runner::{Extras, Resources, Run, RunEnd, Stop};
+use roost_worker::runner::{Extras, Resources, Run, RunEnd};
+use roost_worker::stop::Stop;
 use serde_json::json;
 use tokio_util::sync::CancellationToken;
 

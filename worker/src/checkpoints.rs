@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use roost_solver::Checkpoint;
 use tokio::sync::Notify;
 
-use crate::runner::Stop;
+use crate::stop::Stop;
 
 /// The newest checkpoint of a run that nobody has taken. Clones share it.
 #[derive(Clone, Debug)]

@@ -5,6 +5,7 @@
 //! - [`client`]: the HTTP API, also for the `roost` command
 //! - [`runner`]: one simulation in a thread of its own, on a [`device`]
 //! - [`meshes`]: cache of STL files
+//! - [`stop`]: requests to stop a run
 //! - [`checkpoints`]: from a run to its upload
 //! - [`fills`]: cache of filled states
 //! - [`outbox`]: finished results on disk until the server has confirmed them
@@ -25,6 +26,7 @@ pub mod meshes;
 pub mod outbox;
 pub mod runner;
 mod slots;
+pub mod stop;
 
 pub use config::{WorkerConfig, threads};
 pub use lease::{WorkerError, work};

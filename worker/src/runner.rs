@@ -4,7 +4,6 @@
 
 mod ending;
 mod filled;
-mod stop;
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -24,9 +23,9 @@ use crate::device::{Device, ReserveError, RunSize};
 use crate::fills::{FillCache, ServerFill};
 use crate::memory_budget::PendingRun;
 use crate::meshes::MeshSource;
+use crate::stop::{Stop, StopFlag};
 use ending::{classify, invalid, stopped_early, thread_ended};
 use filled::{Filled, Start};
-pub use stop::{Stop, StopFlag};
 
 const MEMORY_IN_USE: &str = "released: other jobs of the worker use the memory of its device";
 

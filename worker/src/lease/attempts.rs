@@ -10,7 +10,8 @@ use roost_api::lease::{AttemptBeat, AttemptDirective, Directive};
 use tokio::sync::watch;
 
 use super::sent_samples::SentSamples;
-use crate::runner::{Run, SharedRecorder, Stop, StopFlag};
+use crate::runner::{Run, SharedRecorder};
+use crate::stop::{Stop, StopFlag};
 
 /// Job and number of an attempt, which fence its writes.
 pub(super) type AttemptKey = (JobId, u32);

@@ -9,7 +9,8 @@ use roost_solver::result::{EndReason, Instability};
 use roost_solver::scenario::Fault;
 use tokio::task::JoinError;
 
-use super::{RunEnd, Stop};
+use super::RunEnd;
+use crate::stop::Stop;
 
 const WORKER_STOPS: &str = "handed back: the worker is stopping";
 

@@ -12,7 +12,7 @@ use super::*;
 use crate::WorkerConfig;
 use crate::client::digest;
 use crate::client::tests::answering_after;
-use crate::runner::Stop;
+use crate::stop::Stop;
 
 /// Takes the first checkpoint of a run and stops it.
 #[derive(Default)]

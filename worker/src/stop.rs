@@ -45,7 +45,7 @@ impl StopFlag {
     }
 
     /// Waits for a request to stop.
-    pub(super) async fn wait(&self) -> Stop {
+    pub(crate) async fn wait(&self) -> Stop {
         loop {
             if let Some(why) = self.get() {
                 return why;
