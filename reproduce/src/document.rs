@@ -8,10 +8,10 @@ use roost_terminal::format::significant;
 use serde::{Deserialize, Serialize};
 
 use crate::figures;
+use crate::numbers::{significant_to, value};
 use crate::plan::Results;
 use crate::profile::{Name, Profile};
-use crate::report::{counts, significant_to, value};
-use crate::row::Row;
+use crate::row::{Row, counts};
 
 /// Schema name of `report.json`.
 pub(crate) const SCHEMA: &str = "roost.report/1";

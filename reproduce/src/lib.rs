@@ -6,6 +6,7 @@
 
 mod document;
 mod figures;
+mod numbers;
 mod picture;
 mod plan;
 mod profile;

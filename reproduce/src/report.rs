@@ -8,10 +8,11 @@ use roost_terminal::format::{duration, significant};
 use serde_json::Value;
 
 use crate::document::{Document, Finding, SCHEMA};
+use crate::numbers::{percent, significant_to, value};
 use crate::plan::{Evaluation, Figure, Illustration};
 use crate::profile::Profile;
 use crate::record::Record;
-use crate::row::Row;
+use crate::row::{Row, counts};
 
 const STYLE: &str = include_str!("report.css");
 const PAPER: &str = "M. Vink, H. Shi, J. Jovanova, J. W. Kortlever, D. Schott, Modelling of chicken breast fillets for \
@@ -60,16 +61,6 @@ pub(crate) struct Report<'a> {
     /// Commit of the source, if it was given.
     pub(crate) commit: Option<String>,
     pub(crate) sections: Vec<Section<'a>>,
-}
-
-/// Numbers of demands on simulations that hold and that do not. Demands on given shapes and parameters do not count.
-pub(crate) fn counts<'a>(rows: impl Iterator<Item = &'a Row>) -> (usize, usize) {
-    let rows = rows.filter(|row| row.n > 0 || row.holds == Some(false));
-    rows.fold((0, 0), |(holds, fails), row| match row.holds {
-        Some(true) => (holds + 1, fails),
-        Some(false) => (holds, fails + 1),
-        None => (holds, fails),
-    })
 }
 
 impl Report<'_> {
@@ -268,33 +259,6 @@ fn record_html(name: &str, record: &Record) -> Markup {
     }
 }
 
-/// A number or a text for a cell; a dash for null.
-pub(crate) fn value(value: &Value) -> String {
-    match value {
-        Value::Number(number) => number.as_f64().map_or_else(String::new, significant),
-        Value::String(text) => text.clone(),
-        _ => "–".to_owned(),
-    }
-}
-
-/// A share in per cent, with its sign.
-fn percent(share: f64) -> String {
-    if share.abs() < 5e-4 {
-        return "0 %".to_owned();
-    }
-    let text = significant_to(100.0 * share, 2);
-    if share > 0.0 { format!("+{text} %") } else { format!("{} %", text.replace('-', "−")) }
-}
-
-/// A number with this many significant digits.
-pub(crate) fn significant_to(value: f64, digits: i32) -> String {
-    if value == 0.0 {
-        return "0".to_owned();
-    }
-    let step = 10f64.powi(value.abs().log10().floor() as i32 + 1 - digits);
-    significant((value / step).round() * step)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -360,12 +324,5 @@ mod tests {
         let html = report(&figure, Some(Evaluation::default())).html();
         let fetching = ["<script", "<link", "src=", "@import", "url("];
         assert!(fetching.iter().all(|word| !html.contains(word)));
-    }
-
-    #[test]
-    fn percentages_and_significant_digits() {
-        let shown = [0.0712, -0.5, 1.5, 3e-6].map(percent);
-        assert_eq!(shown, ["+7.1 %", "−50 %", "+150 %", "0 %"]);
-        assert_eq!([significant_to(0.01234, 2), significant_to(0.0, 2)], ["0.012", "0"]);
     }
 }

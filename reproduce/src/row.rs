@@ -34,6 +34,16 @@ pub(crate) struct Row {
     pub(crate) note: String,
 }
 
+/// Numbers of demands on simulations that hold and that do not. Demands on given shapes and parameters do not count.
+pub(crate) fn counts<'a>(rows: impl Iterator<Item = &'a Row>) -> (usize, usize) {
+    let rows = rows.filter(|row| row.n > 0 || row.holds == Some(false));
+    rows.fold((0, 0), |(holds, fails), row| match row.holds {
+        Some(true) => (holds + 1, fails),
+        Some(false) => (holds, fails + 1),
+        None => (holds, fails),
+    })
+}
+
 /// A demand on a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Demand {
