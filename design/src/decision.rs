@@ -3,18 +3,11 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::evidence::{Evidence, Point};
-use crate::goals::{BoundaryAnswer, CalibrateAnswer, EstimateAnswer, OptimiseAnswer, SensitivityAnswer};
+use crate::evidence::Evidence;
+use crate::goals::{Finding, Study};
+use crate::proposal::Proposal;
+use crate::question::Question;
 use crate::usable::UnusableResponses;
-
-/// A run that comes next.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct Proposal {
-    /// Its point.
-    pub point: Point,
-    /// Its replicate, from 0 on.
-    pub replicate: u32,
-}
 
 /// The reason why a study is finished.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -88,18 +81,47 @@ pub struct Answer {
     pub finding: Finding,
 }
 
-/// The finding of a goal.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Finding {
-    /// Goal `estimate`.
-    Estimate(EstimateAnswer),
-    /// Goal `boundary`.
-    Boundary(BoundaryAnswer),
-    /// Goal `optimise`.
-    Optimise(OptimiseAnswer),
-    /// Goal `sensitivity`.
-    Sensitivity(SensitivityAnswer),
-    /// Goal `calibrate`.
-    Calibrate(CalibrateAnswer),
+/// The decision, whatever the goal: budget, exclusions and reasons to stop are handled here.
+pub(crate) fn decide(question: &Question, evidence: &Evidence, wanted: usize, seed: u64) -> Decision {
+    let left = question.budget.max_runs.saturating_sub(evidence.spent());
+    let study = Study {
+        factors: &question.factors,
+        goal: &question.goal,
+        budget: &question.budget,
+        evidence,
+        room: wanted.min(left),
+        seed,
+    };
+    let mut course = study.decide();
+    course.proposals.truncate(study.room);
+    if course.is_met {
+        course.proposals.clear();
+    }
+    // Runs with some outcomes end earlier than others: only all the runs that have begun are a fair sample.
+    let finished = match () {
+        () if evidence.pending() > 0 => None,
+        () if course.is_met => Some(Finished::ByRule),
+        () if left == 0 || course.is_spent => Some(Finished::ByBudget),
+        () if study.room > 0 && course.proposals.is_empty() => Some(Finished::NothingLeft),
+        () => None,
+    };
+    if finished.is_some() {
+        course.proposals.clear();
+    }
+    let excluded = evidence.points().iter().filter(|point| question.excludes(point));
+    let excluded = excluded.map(|point| ExcludedPoint {
+        values: point.point.levels(&question.factors),
+        failed: point.failed(),
+        done: point.count() - point.failed() - point.pending(),
+        impossible: point.impossible.clone(),
+    });
+    let measures = question.goal.measures().into_iter();
+    let unusable = measures.filter_map(|measure| UnusableResponses::of(measure, evidence.points()));
+    let answer = Answer {
+        runs: RunCounts::of(evidence),
+        excluded: excluded.collect(),
+        unusable: unusable.collect(),
+        finding: course.finding,
+    };
+    Decision { proposals: course.proposals, is_met: course.is_met, finished, answer }
 }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::factor::Factor;
-use crate::question::Measure;
+use crate::measure::Measure;
 
 /// Steps of a coordinate from 0 to 1. Fine enough for any factor, and coarse enough that a coordinate survives
 /// the way to the factor's value and back.

@@ -13,9 +13,10 @@
 //!
 //! Zero jams in n runs exclude a probability p with 95 % confidence if (1 − p)ⁿ ≤ 0.05: 59 runs for p = 0.05.
 
-use crate::goals::{boundary, calibrate, optimise, sensitivity};
+use crate::goals::{Goal, boundary, calibrate, optimise, sensitivity};
 use crate::intervals::{CONFIDENCE, MIN_MEAN_RUNS, confidence_sequence};
-use crate::question::{Goal, Measure, Question};
+use crate::measure::Measure;
+use crate::question::Question;
 
 /// Maximum number of runs of one point that is considered.
 const MAX_RUNS: usize = 1 << 24;
@@ -29,15 +30,15 @@ pub fn least_runs(question: &Question) -> usize {
             goal.points.len().saturating_mul(of_point.unwrap_or(0))
         }
         Goal::Boundary(goal) => {
-            let first = boundary::first_points(question);
+            let first = boundary::first_points(&question.factors, &question.budget);
             match goal.of {
                 Measure::Probability(_) => first.max(side_runs(goal.level)),
                 Measure::Mean(_) => first,
             }
         }
         Goal::Optimise(goal) => optimise::least_runs(goal, question.factors.len()),
-        Goal::Sensitivity(goal) => sensitivity::least_runs(goal, question),
-        Goal::Calibrate(_) => calibrate::least_runs(question),
+        Goal::Sensitivity(goal) => sensitivity::least_runs(goal, &question.factors, &question.budget),
+        Goal::Calibrate(_) => calibrate::least_runs(&question.factors, &question.budget),
     }
 }
 

@@ -27,7 +27,7 @@ use roost_stats::Sample;
 use serde::{Deserialize, Serialize};
 use statrs::function::beta::ln_beta;
 
-use crate::question::Measure;
+use crate::measure::Measure;
 
 /// Minimum number of values for the interval of a mean.
 pub const MIN_MEAN_RUNS: usize = 5;

@@ -5,14 +5,16 @@
 //!
 //! | module | content |
 //! |---|---|
-//! | `question` | the user's document: factors, goal, budget; its faults |
-//! | `evidence` | points in the unit cube, and the runs at them |
-//! | `decision` | proposals, the reason to stop, the answer as data |
+//! | `factor`, `measure`, `budget` | the fields that all goals share |
+//! | `evidence`, `proposal` | points in the unit cube, the runs at them, and runs that come next |
 //! | `goals` | a file or folder per goal: its fields, its decision, its answer |
+//! | `question` | the user's document: factors, goal, budget; its faults |
+//! | `decision` | the decision: its proposals, the reason to stop, the answer as data |
 //! | `forecast` | the number of runs before there are any |
 //! | `intervals` | intervals of probabilities and means |
 //! | `usable` | responses that a measure cannot use |
 
+mod budget;
 mod decision;
 mod evidence;
 mod factor;
@@ -20,18 +22,24 @@ mod fault;
 pub mod forecast;
 pub mod goals;
 pub mod intervals;
+mod measure;
 pub mod model;
+mod proposal;
 mod question;
 mod space;
 #[cfg(test)]
 mod tests;
 mod usable;
 
-pub use decision::{Answer, Decision, ExcludedPoint, Finding, Finished, Proposal, RunCounts};
+pub use budget::Budget;
+pub use decision::{Answer, Decision, ExcludedPoint, Finished, RunCounts};
 pub use evidence::{Evidence, Outcome, Point, PointRuns, Run};
 pub use factor::{Factor, Scale};
 pub use fault::Fault;
-pub use question::{Budget, Goal, Measure, Question};
+pub use goals::{Finding, Goal};
+pub use measure::Measure;
+pub use proposal::Proposal;
+pub use question::Question;
 pub use usable::UnusableResponses;
 
 /// Decides about a study: up to `wanted` runs that come next, whether it is finished, and the answer so far.
@@ -39,5 +47,5 @@ pub use usable::UnusableResponses;
 /// Runs in flight are part of the evidence ([`Outcome::Pending`]); nothing is proposed twice. The same arguments give the
 /// same decision. The question must be without faults ([`Question::faults`]).
 pub fn decide(question: &Question, evidence: &Evidence, wanted: usize, seed: u64) -> Decision {
-    goals::decide(question, evidence, wanted, seed)
+    decision::decide(question, evidence, wanted, seed)
 }

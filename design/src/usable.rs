@@ -14,7 +14,7 @@ use std::ops::RangeInclusive;
 use serde::{Deserialize, Serialize};
 
 use crate::evidence::{Outcome, PointRuns};
-use crate::question::Measure;
+use crate::measure::Measure;
 
 /// Distance of an outlier from the median, in median distances.
 const OUTLIER: f64 = 1e6;

@@ -5,13 +5,13 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{Course, Study};
-use crate::decision::{Finding, Proposal};
+use super::{Course, Finding, Study};
 use crate::evidence::{Point, PointRuns};
 use crate::factor::Factor;
 use crate::fault::{Fault, fault};
 use crate::intervals::{Estimated, MIN_MEAN_RUNS, are_equal, values_needed};
-use crate::question::Measure;
+use crate::measure::Measure;
+use crate::proposal::Proposal;
 
 /// Number of equal values of a mean after which it counts as constant. A response that differs in 14 % of the runs or more would have
 /// shown it with a probability of 95 %.
@@ -147,17 +147,17 @@ fn missing(goal: &Estimate, runs: Option<&PointRuns>, most: usize) -> usize {
 }
 
 pub(super) fn decide(goal: &Estimate, study: &Study<'_>) -> Course {
-    let budget = &study.question.budget;
+    let budget = study.budget;
     let mut points = Vec::new();
     // Position in the queue of a point's replicates, then the point: all points advance together.
     let mut queue = Vec::new();
     let (mut is_met, mut usable) = (true, 0);
     for values in &goal.points {
-        let Some(point) = Point::of_levels(&study.question.factors, values) else { continue };
+        let Some(point) = Point::of_levels(study.factors, values) else { continue };
         // The values of a run are rounded: only a rounded point finds its runs again.
-        let point = point.rounded(&study.question.factors);
+        let point = point.rounded(study.factors);
         let runs = study.evidence.at(&point);
-        let is_excluded = runs.is_some_and(|runs| study.question.excludes(runs));
+        let is_excluded = runs.is_some_and(|runs| study.excludes(runs));
         let measures = estimates(goal, runs);
         if !is_excluded {
             usable += 1;

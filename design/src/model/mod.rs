@@ -20,7 +20,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::evidence::{Point, PointRuns};
 use crate::factor::Factor;
-use crate::question::Measure;
+use crate::measure::Measure;
 use crate::usable::credible;
 use binomial::Counted;
 use gaussian::Replicated;

@@ -14,12 +14,12 @@
 //! and leave u s as it is.
 
 use super::Boundary;
-use crate::decision::Proposal;
 use crate::evidence::{Point, PointRuns};
 use crate::goals::Study;
 use crate::model::fantasy::Fantasies;
 use crate::model::kernel::columns;
 use crate::model::{MAX_POINTS, Model};
+use crate::proposal::Proposal;
 use crate::space::sobol;
 use std::collections::BTreeSet;
 
@@ -46,7 +46,7 @@ pub(super) fn proposals(goal: &Boundary, study: &Study<'_>, model: &Model) -> Ve
     let (mut candidates, filling) = candidates(goal, study, model);
     let coordinates: Vec<Vec<f64>> =
         candidates.iter().map(|candidate| candidate.point.coordinates()).collect();
-    let at = columns(study.question.factors.len(), &coordinates);
+    let at = columns(study.factors.len(), &coordinates);
     let mut fantasies = Fantasies::new(model, &at);
     let prediction = model.posterior.predict(&at);
     let distances = model.distances(&model.posterior, &at, &prediction, model.latent(goal.level));
@@ -89,7 +89,7 @@ pub(super) fn proposals(goal: &Boundary, study: &Study<'_>, model: &Model) -> Ve
 
 /// Known points and points that fill the range, and the positions of those that do.
 fn candidates(goal: &Boundary, study: &Study<'_>, model: &Model) -> (Vec<Candidate>, Vec<usize>) {
-    let (factors, budget) = (&study.question.factors, &study.question.budget);
+    let (factors, budget) = (study.factors, study.budget);
     let mut others = 0;
     let is_needed = |runs: &&PointRuns| {
         if model.has(&runs.point) {
@@ -110,7 +110,7 @@ fn candidates(goal: &Boundary, study: &Study<'_>, model: &Model) -> (Vec<Candida
         .evidence
         .points()
         .iter()
-        .filter(|point| study.question.excludes(point))
+        .filter(|point| study.excludes(point))
         .map(|point| point.point.coordinates())
         .collect();
     let start = candidates.len();

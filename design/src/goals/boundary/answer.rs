@@ -91,7 +91,7 @@ pub struct BoundaryAnswer {
 
 impl BoundaryAnswer {
     pub(super) fn of(goal: &Boundary, study: &Study<'_>, model: Option<&Model>) -> Self {
-        let factors = &study.question.factors;
+        let factors = study.factors;
         let observed = study.usable_points().filter_map(|runs| {
             let estimated = Estimated::of(&goal.of, &runs.values(&goal.of))?;
             Some(ObservedPoint { values: runs.point.values(factors), estimated })
@@ -114,7 +114,7 @@ impl BoundaryAnswer {
     }
 
     fn describe(&mut self, study: &Study<'_>, model: &Model) {
-        let factors = &study.question.factors;
+        let factors = study.factors;
         let points = map_points(factors);
         let level = model.latent(self.level);
         let band = Band::of(model, &points, level, study.seed);
@@ -129,7 +129,7 @@ impl BoundaryAnswer {
             (false, true, false) => Place::NowhereAllAbove,
             _ => Place::Unknown,
         };
-        if let [factor] = factors.as_slice() {
+        if let [factor] = factors {
             let coordinates: Vec<f64> = points.iter().map(|point| point[0]).collect();
             self.crossings = crossings(&band, &sides, factor, &coordinates);
         }

@@ -10,13 +10,14 @@ mod band;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Course, Study};
-use crate::decision::{Finding, Proposal};
+use super::{Course, Finding, Study};
+use crate::budget::Budget;
 use crate::evidence::Point;
 use crate::factor::Factor;
 use crate::fault::{Fault, fault};
+use crate::measure::Measure;
 use crate::model::Model;
-use crate::question::{Measure, Question};
+use crate::proposal::Proposal;
 use crate::space::{SEQUENCE_LENGTH, distinct};
 pub use answer::{BoundaryAnswer, Crossing, MapPoint, ObservedPoint, Place};
 pub use band::Side;
@@ -81,32 +82,29 @@ impl Boundary {
 const INDICES_PER_POINT: usize = 64;
 
 /// Number of points of the first design.
-pub(crate) fn first_points(question: &Question) -> usize {
-    let points = 4 << question.factors.len();
+pub(crate) fn first_points(factors: &[Factor], budget: &Budget) -> usize {
+    let points = 4 << factors.len();
     // The product of the factors' numbers of values; none for a range of numbers that are not whole.
-    let values = question
-        .factors
-        .iter()
-        .try_fold(1_usize, |values, factor| Some(values.saturating_mul(factor.count()?)));
+    let values =
+        factors.iter().try_fold(1_usize, |values, factor| Some(values.saturating_mul(factor.count()?)));
     let points = points.min(values.unwrap_or(usize::MAX));
-    points.min(question.budget.max_runs / (2 * FIRST_REPLICATES)).max(1)
+    points.min(budget.max_runs / (2 * FIRST_REPLICATES)).max(1)
 }
 
 /// The points of the first design; of few whole numbers all points.
 fn first_design(study: &Study<'_>) -> Vec<Point> {
-    let points = first_points(study.question);
-    distinct(&study.question.factors, 0..INDICES_PER_POINT * points, study.seed).take(points).collect()
+    let points = first_points(study.factors, study.budget);
+    distinct(study.factors, 0..INDICES_PER_POINT * points, study.seed).take(points).collect()
 }
 
 pub(super) fn decide(goal: &Boundary, study: &Study<'_>) -> Course {
     let with_values = study.usable_points().filter(|point| !point.values(&goal.of).is_empty()).count();
     let design = first_design(study);
     let first = first_proposals(study, &design);
-    let model = Model::fit_near(&study.question.factors, &goal.of, study.usable_points(), goal.level);
+    let model = Model::fit_near(study.factors, &goal.of, study.usable_points(), goal.level);
     let answer = BoundaryAnswer::of(goal, study, model.as_ref());
     // Points of earlier sweeps serve as well as the first design, and nothing waits for excluded points.
-    let is_excluded =
-        |point: &Point| study.evidence.at(point).is_some_and(|known| study.question.excludes(known));
+    let is_excluded = |point: &Point| study.evidence.at(point).is_some_and(|known| study.excludes(known));
     let needed = design.iter().filter(|point| !is_excluded(point)).count().max(1);
     let is_begun = with_values >= needed;
     let is_met = is_begun && answer.misclassified.is_some_and(|share| share <= goal.misclassified);
@@ -124,12 +122,12 @@ pub(super) fn decide(goal: &Boundary, study: &Study<'_>) -> Course {
 
 /// Runs of the first design that do not exist yet: first one of each point, then replicates.
 fn first_proposals(study: &Study<'_>, points: &[Point]) -> Vec<Proposal> {
-    let budget = &study.question.budget;
+    let budget = study.budget;
     let mut proposals = Vec::new();
     for replicate in 0..FIRST_REPLICATES.min(budget.max_replicates) {
         for point in points {
             let known = study.evidence.at(point);
-            let is_excluded = known.is_some_and(|known| study.question.excludes(known));
+            let is_excluded = known.is_some_and(|known| study.excludes(known));
             let (count, next) = known.map_or((0, 0), |known| (known.count(), known.next_replicate()));
             if !is_excluded && replicate >= count {
                 let replicate = next + (replicate - count) as u32;
@@ -142,7 +140,7 @@ fn first_proposals(study: &Study<'_>, points: &[Point]) -> Vec<Proposal> {
 
 /// Further points of the sequence, one run each.
 fn further_proposals(study: &Study<'_>, first: usize) -> Vec<Proposal> {
-    let factors = &study.question.factors;
+    let factors = study.factors;
     let indices = INDICES_PER_POINT * (first + study.room + study.evidence.points().len());
     let points = distinct(factors, first..indices.min(SEQUENCE_LENGTH), study.seed);
     let new = points.filter(|point| study.evidence.at(point).is_none());

@@ -11,11 +11,11 @@ use nalgebra::DMatrix;
 use super::density::Density;
 use super::sampler::Samples;
 use super::{Setup, first_sets};
-use crate::decision::Proposal;
 use crate::evidence::Point;
 use crate::goals::Study;
 use crate::model::fantasy::Fantasies;
 use crate::model::kernel::columns;
+use crate::proposal::Proposal;
 use crate::space::{distinct, mixed_seed};
 
 /// Number of samples that stand for the posterior; every one is a candidate.
@@ -52,7 +52,7 @@ pub(super) fn of_unknown(
     samples: &Samples,
     tests: &[usize],
 ) -> Vec<Proposal> {
-    let most = 2 * first_sets(study.question);
+    let most = 2 * first_sets(study.factors, study.budget);
     let mut proposals = Vec::new();
     for test in tests {
         let of_test = study.evidence.points().iter().filter(|runs| setup.split(&runs.point).1 == *test);
@@ -94,7 +94,7 @@ pub(super) fn proposals(
         .collect();
     let mut next: BTreeMap<Point, u32> = BTreeMap::new();
     let mut proposals = Vec::new();
-    let budget = &study.question.budget;
+    let budget = study.budget;
     while proposals.len() < study.room {
         let mut best: Option<(f64, usize, usize)> = None;
         for (test, candidates) in tests.iter().enumerate() {
@@ -103,7 +103,7 @@ pub(super) fn proposals(
                 let planned = next.get(point).copied();
                 let replicate = planned.unwrap_or_else(|| known.map_or(0, |known| known.next_replicate()));
                 let is_full = replicate as usize >= budget.max_replicates;
-                if is_full || known.is_some_and(|known| study.question.excludes(known)) {
+                if is_full || known.is_some_and(|known| study.excludes(known)) {
                     continue;
                 }
                 let gain =

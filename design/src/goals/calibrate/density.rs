@@ -22,9 +22,9 @@ use super::target::{Group, Target, groups};
 use super::{Calibrate, Setup};
 use crate::evidence::PointRuns;
 use crate::factor::Factor;
+use crate::measure::Measure;
 use crate::model::Model;
 use crate::model::binomial::probability;
-use crate::question::Measure;
 
 /// Number of equally probable values that stand for the normal log odds of an emulator.
 const NODES: usize = 24;

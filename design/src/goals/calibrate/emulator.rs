@@ -9,8 +9,8 @@ use nalgebra::DMatrix;
 
 use crate::evidence::{Outcome, PointRuns};
 use crate::factor::Factor;
+use crate::measure::Measure;
 use crate::model::Model;
-use crate::question::Measure;
 
 /// Ratio of the largest to the smallest value from which on logarithms are modelled.
 const RATIO: f64 = 3.0;

@@ -1,9 +1,9 @@
 //! Faults of the fields of the goal.
 
 use super::{Calibrate, ParameterPrior, Setup};
+use crate::budget::Budget;
 use crate::factor::Factor;
 use crate::fault::{Fault, fault};
-use crate::question::Budget;
 
 /// Maximum number of measured numbers: each has an emulator, and the time of a decision grows with them.
 const MAX_TARGETS: usize = 48;

@@ -14,7 +14,7 @@ use super::emulator::Emulator;
 use super::{Calibrate, Setup, TEST};
 use crate::evidence::{Outcome, PointRuns};
 use crate::factor::Factor;
-use crate::question::Measure;
+use crate::measure::Measure;
 
 /// Correlation from which on a pair may be told together only.
 const CORRELATED: f64 = 0.8;

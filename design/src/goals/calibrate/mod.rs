@@ -26,19 +26,17 @@ mod prior;
 mod sampler;
 mod target;
 #[cfg(test)]
-mod tests;
-#[cfg(test)]
 mod tests_emcee;
 
 use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Course, Study};
-use crate::decision::{Finding, Proposal};
+use super::{Course, Finding, Study};
+use crate::budget::Budget;
 use crate::evidence::{Point, PointRuns};
 use crate::factor::Factor;
-use crate::question::Question;
+use crate::proposal::Proposal;
 use crate::space::{SEQUENCE_LENGTH, distinct};
 pub use answer::{CalibrateAnswer, Interval, ParameterEstimate, TargetAgreement};
 pub use identifiability::{Narrowing, PairOfParameters};
@@ -133,20 +131,20 @@ impl<'a> Setup<'a> {
 }
 
 /// Number of sets of parameters with which a question begins: six a parameter, and at most half of the budget.
-pub(crate) fn first_sets(question: &Question) -> usize {
-    let setup = Setup::of(&question.factors);
+pub(crate) fn first_sets(factors: &[Factor], budget: &Budget) -> usize {
+    let setup = Setup::of(factors);
     let parameters = setup.parameters().len();
-    let affordable = (question.budget.max_runs / (2 * setup.tests())).max(1);
+    let affordable = (budget.max_runs / (2 * setup.tests())).max(1);
     (6 * parameters + 2).min(affordable)
 }
 
 /// Number of runs in the best case: the first design.
-pub(crate) fn least_runs(question: &Question) -> usize {
-    (first_sets(question) + TWICE) * Setup::of(&question.factors).tests()
+pub(crate) fn least_runs(factors: &[Factor], budget: &Budget) -> usize {
+    (first_sets(factors, budget) + TWICE) * Setup::of(factors).tests()
 }
 
 pub(super) fn decide(goal: &Calibrate, study: &Study<'_>) -> Course {
-    let setup = Setup::of(&study.question.factors);
+    let setup = Setup::of(study.factors);
     let first = first_proposals(study, &setup);
     let by_test = setup.runs_by_test(study.evidence.points().iter());
     let density = density::Density::of(goal, &setup, &by_test);
@@ -167,7 +165,7 @@ pub(super) fn decide(goal: &Calibrate, study: &Study<'_>) -> Course {
     };
     let is_met = is_certain && unknown.is_empty();
     let is_last =
-        study.evidence.pending() == 0 && (is_met || study.evidence.spent() >= study.question.budget.max_runs);
+        study.evidence.pending() == 0 && (is_met || study.evidence.spent() >= study.budget.max_runs);
     let proposals = match () {
         () if study.room == 0 || is_met => Vec::new(),
         () if is_certain => unknown,
@@ -191,7 +189,7 @@ fn unknown_tests(setup: &Setup<'_>, answer: &CalibrateAnswer) -> Vec<usize> {
 
 /// The sets of parameters of the first design.
 fn first_design(study: &Study<'_>, setup: &Setup<'_>) -> Vec<Vec<f64>> {
-    let sets = first_sets(study.question);
+    let sets = first_sets(study.factors, study.budget);
     distinct(setup.parameters(), 0..sets, study.seed).map(|point| point.coordinates()).collect()
 }
 
@@ -207,11 +205,11 @@ fn first_proposals(study: &Study<'_>, setup: &Setup<'_>) -> Vec<Proposal> {
         others[setup.split(&runs.point).1] += 1;
     }
     for (index, set) in design.iter().enumerate() {
-        let wanted = if index < TWICE { 2.min(study.question.budget.max_replicates) } else { 1 };
+        let wanted = if index < TWICE { 2.min(study.budget.max_replicates) } else { 1 };
         for test in (0..setup.tests()).filter(|test| others[*test] < design.len()) {
             let point = setup.point(set, test);
             let known = study.evidence.at(&point);
-            if known.is_some_and(|known| study.question.excludes(known)) {
+            if known.is_some_and(|known| study.excludes(known)) {
                 continue;
             }
             let (count, next) = known.map_or((0, 0), |known| (known.count(), known.next_replicate()));
@@ -232,7 +230,8 @@ fn has_pending(study: &Study<'_>, setup: &Setup<'_>) -> bool {
 /// Further sets of the sequence, one run of each test: nothing is known yet, or nothing agrees.
 fn further_proposals(study: &Study<'_>, setup: &Setup<'_>) -> Vec<Proposal> {
     let known: BTreeSet<&Point> = study.evidence.points().iter().map(|runs| &runs.point).collect();
-    let sets = distinct(setup.parameters(), first_sets(study.question)..SEQUENCE_LENGTH, study.seed);
+    let sets =
+        distinct(setup.parameters(), first_sets(study.factors, study.budget)..SEQUENCE_LENGTH, study.seed);
     let points = sets
         .flat_map(|set| (0..setup.tests()).map(move |test| (set.coordinates(), test)).collect::<Vec<_>>());
     let points = points.map(|(set, test)| setup.point(&set, test));

@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, Dyn};
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::question::Measure;
+use crate::measure::Measure;
 
 /// Number of equally probable precisions that stand for Student's t.
 const PRECISIONS: usize = 16;

@@ -4,11 +4,13 @@ use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use super::Calibrate;
 use super::density::Density;
 use super::sampler::{THOROUGH, sample};
 use super::{Setup, TEST};
+use crate::evidence::{Evidence, Outcome, Point, Run};
+use crate::factor::Factor;
 use crate::space::sobol;
-use crate::{Evidence, Goal, Outcome, Point, Question, Run};
 
 /// Steps of the table for each parameter.
 const STEPS: usize = 31;
@@ -34,8 +36,8 @@ fn targets() -> Value {
 }
 
 /// Functions in place of simulations, at thirty sets of parameters.
-fn evidence(question: &Question) -> Evidence {
-    let setup = Setup::of(&question.factors);
+fn evidence(factors: &[Factor]) -> Evidence {
+    let setup = Setup::of(factors);
     let runs = (0..30).flat_map(|index| {
         let set = sobol(index, 2, 5);
         let (a, b) = (set[0], set[1]);
@@ -56,15 +58,14 @@ fn evidence(question: &Question) -> Evidence {
 }
 
 fn with_density<T>(use_it: impl FnOnce(&Density<'_>) -> T) -> T {
-    let document = json!({
-        "factors": [{"name": "a", "low": 0.0, "high": 1.0}, {"name": "b", "low": 0.0, "high": 1.0},
-                    {"name": TEST, "levels": ["plate", "bend"]}],
-        "goal": {"calibrate": {"targets": targets(), "discrepancy": 0.1}}, "budget": {"max_runs": 100}});
-    let question = Question::read(&document).unwrap();
-    let Goal::Calibrate(goal) = &question.goal else { panic!("a calibration") };
-    let setup = Setup::of(&question.factors);
-    let by_test = setup.runs_by_test(evidence(&question).points().iter());
-    use_it(&Density::of(goal, &setup, &by_test).unwrap())
+    let factors = json!([{"name": "a", "low": 0.0, "high": 1.0}, {"name": "b", "low": 0.0, "high": 1.0},
+                         {"name": TEST, "levels": ["plate", "bend"]}]);
+    let factors: Vec<Factor> = serde_json::from_value(factors).unwrap();
+    let goal: Calibrate = serde_json::from_value(json!({"targets": targets(), "discrepancy": 0.1})).unwrap();
+    let setup = Setup::of(&factors);
+    let evidence = evidence(&factors);
+    let by_test = setup.runs_by_test(evidence.points().iter());
+    use_it(&Density::of(&goal, &setup, &by_test).unwrap())
 }
 
 fn grid(density: &Density<'_>) -> Vec<(Vec<f64>, Vec<f64>)> {

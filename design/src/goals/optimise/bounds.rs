@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, StudentsT};
 
 use crate::intervals::{skewness, without_skewness};
-use crate::question::Measure;
+use crate::measure::Measure;
 
 /// One-sided bounds of a measure at a look.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

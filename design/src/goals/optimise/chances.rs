@@ -5,7 +5,7 @@ use statrs::distribution::{Binomial, Discrete};
 use super::bounds::{bisect, mean_quantile};
 use super::confirmation::{ASSURANCE, Plan};
 use super::{Constraint, Optimise};
-use crate::question::Measure;
+use crate::measure::Measure;
 
 /// Number of cells of a table of chances. Interpolation errs by less than a thousandth.
 const CELLS: usize = 256;

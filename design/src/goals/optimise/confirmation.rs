@@ -27,7 +27,7 @@ use super::bounds::{Bounds, at_most};
 use super::{Constraint, Optimise};
 use crate::evidence::{Outcome, PointRuns};
 use crate::intervals::CONFIDENCE;
-use crate::question::Measure;
+use crate::measure::Measure;
 
 /// The first replicate of a confirmation. The search uses lower ones.
 pub const FIRST_CONFIRMATION: u32 = 1_000_000;

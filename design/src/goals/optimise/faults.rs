@@ -1,9 +1,10 @@
 //! Faults of the fields of the goal.
 
 use super::{Constraint, Optimise, confirmation};
+use crate::budget::Budget;
 use crate::factor::Factor;
 use crate::fault::{Fault, fault};
-use crate::question::{Budget, Measure};
+use crate::measure::Measure;
 
 impl Constraint {
     fn faults(&self, at: &str, faults: &mut Vec<Fault>) {

@@ -1,10 +1,10 @@
 //! The first design: points of a Sobol' sequence, until enough of them have results for models.
 
 use super::{Optimise, has_values, next_replicate, search_runs};
-use crate::decision::Proposal;
 use crate::evidence::Outcome;
 use crate::goals::Study;
-use crate::question::Measure;
+use crate::measure::Measure;
+use crate::proposal::Proposal;
 use crate::space::distinct;
 
 /// Indices of the sequence for each point: whole numbers and levels repeat themselves.
@@ -12,8 +12,8 @@ const INDICES_PER_POINT: usize = 64;
 
 /// Missing runs of the first design, and whether enough of its points have results for models.
 pub(super) fn first_design(goal: &Optimise, study: &Study<'_>) -> (Vec<Proposal>, bool) {
-    let budget = &study.question.budget;
-    let factors = &study.question.factors;
+    let budget = study.budget;
+    let factors = study.factors;
     let has_means = goal.measures().iter().any(|measure| matches!(measure, Measure::Mean(_)));
     // Two runs at a point show the noise of means.
     let replicates = if has_means { 2.min(budget.max_replicates) } else { 1 };

@@ -19,8 +19,6 @@ mod bounds;
 mod candidates;
 mod chances;
 mod confirmation;
-#[cfg(test)]
-mod decision_tests;
 mod faults;
 mod first_design;
 mod front;
@@ -40,10 +38,10 @@ pub use bounds::Bounds;
 pub use confirmation::{ConfirmationState, FIRST_CONFIRMATION};
 pub use recommendation::{Confirmation, Forecast, Recommendation};
 
-use super::{Course, Study};
-use crate::decision::{Finding, Proposal};
+use super::{Course, Finding, Study};
 use crate::evidence::{Outcome, Point, PointRuns};
-use crate::question::Measure;
+use crate::measure::Measure;
+use crate::proposal::Proposal;
 use chances::NextConfirmation;
 use confirmation::{Confirming, Plan};
 use models::Models;
@@ -214,7 +212,7 @@ fn confirmations<'a>(
     goal: &Optimise,
     study: &Study<'a>,
 ) -> BTreeMap<&'a Point, (Confirming<'a>, ConfirmationState)> {
-    let max_failures = study.question.budget.max_failures;
+    let max_failures = study.budget.max_failures;
     let begun = study.evidence.points().iter().filter_map(|point| {
         let runs = Confirming::of(goal, point)?;
         let state = runs.state(goal, max_failures);
@@ -296,7 +294,7 @@ fn begin_confirmations(
     (open, confirmed): (usize, usize),
     course: &mut Course,
 ) {
-    let left = study.question.budget.max_runs.saturating_sub(study.evidence.spent() + course.proposals.len());
+    let left = study.budget.max_runs.saturating_sub(study.evidence.spent() + course.proposals.len());
     let points = outlook.next_points(missing);
     let affordable = points.iter().take(left / plan.first);
     let runs = affordable.flat_map(|point| {
@@ -321,7 +319,7 @@ fn search_room(goal: &Optimise, plan: &Plan, study: &Study<'_>, is_hopeless: boo
     let points = study.evidence.points();
     let searched: usize = points.iter().map(|point| search_runs(point).count()).sum();
     let confirming = study.evidence.runs() - searched;
-    let free = study.question.budget.max_runs.saturating_sub(goal.reserve(plan) + confirming);
+    let free = study.budget.max_runs.saturating_sub(goal.reserve(plan) + confirming);
     let share = if confirming == 0 && !is_hopeless { FIRST_SEARCH } else { 1.0 };
     // Runs that the budget does not count belong to the search.
     ((share * free as f64) as usize).saturating_sub(searched - study.evidence.free().min(searched))

@@ -6,8 +6,8 @@ use super::Optimise;
 use crate::evidence::{Outcome, PointRuns};
 use crate::goals::Study;
 use crate::goals::optimise::search_runs;
+use crate::measure::Measure;
 use crate::model::Model;
-use crate::question::Measure;
 
 /// The models.
 #[derive(Debug)]
@@ -22,7 +22,7 @@ impl<'a> Models<'a> {
     /// Fits the models; none while a measure has no values.
     pub(super) fn fit(goal: &'a Optimise, study: &Study<'_>) -> Option<Self> {
         let of_measure = |measure: &'a Measure| {
-            Some((measure, Model::fit(&study.question.factors, measure, study.usable_points())?))
+            Some((measure, Model::fit(study.factors, measure, study.usable_points())?))
         };
         let measures = goal.measures().into_iter().map(of_measure).collect::<Option<_>>()?;
         Some(Self { measures, success: success(goal, study) })
@@ -63,5 +63,5 @@ fn success(goal: &Optimise, study: &Study<'_>) -> Option<Model> {
         PointRuns { point: point.point.clone(), runs, impossible: None }
     };
     let points: Vec<PointRuns> = points.iter().map(of_point).collect();
-    Model::fit(&study.question.factors, &Measure::Probability(NAME.to_owned()), &points)
+    Model::fit(study.factors, &Measure::Probability(NAME.to_owned()), &points)
 }

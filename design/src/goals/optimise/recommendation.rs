@@ -15,8 +15,8 @@ use super::{Constraint, Optimise, OptimiseAnswer, candidates, front, has_values}
 use crate::evidence::{Point, PointRuns};
 use crate::goals::Study;
 use crate::intervals::Estimated;
+use crate::measure::Measure;
 use crate::model::kernel::columns;
-use crate::question::Measure;
 
 /// A confirmation that passes with less than this probability is not begun.
 const HOPELESS: f64 = 0.05;
@@ -124,7 +124,7 @@ impl<'a> Outlook<'a> {
                 }
             });
             Recommendation {
-                values: point.point.levels(&study.question.factors),
+                values: point.point.levels(study.factors),
                 runs: point.runs.map_or(0, |runs| super::search_runs(runs).count()),
                 objectives: point.objectives.clone(),
                 constraints: point.constraints.clone(),
@@ -244,7 +244,7 @@ impl Considered<'_> {
 /// The assurance that a point needs: less when the budget has room for another confirmation, should the first one fail. Points
 /// near the limits have better objectives, and runs of a confirmation say more about one point than those of a search.
 fn least_assurance(plan: &Plan, study: &Study<'_>) -> f64 {
-    let left = study.question.budget.max_runs.saturating_sub(study.evidence.spent());
+    let left = study.budget.max_runs.saturating_sub(study.evidence.spent());
     if left >= 2 * plan.most { ASSURANCE } else { LAST_ASSURANCE }
 }
 
@@ -255,8 +255,8 @@ fn consider<'a>(
     models: &Models<'_>,
     begun: &BTreeMap<&Point, (Confirming<'_>, ConfirmationState)>,
 ) -> Vec<Considered<'a>> {
-    let factors = &study.question.factors;
-    let budget = &study.question.budget;
+    let factors = study.factors;
+    let budget = study.budget;
     // A point whose confirmation fails for its failed runs is excluded, but named as rejected.
     let is_considered = |point: &&PointRuns| {
         begun.contains_key(&point.point) || (!budget.excludes(point) && has_values(goal, point))
@@ -294,7 +294,7 @@ fn forecast<'a>(
     points: Vec<(Point, Option<&'a PointRuns>)>,
 ) -> Vec<Considered<'a>> {
     let coordinates: Vec<_> = points.iter().map(|(point, _)| point.coordinates()).collect();
-    let matrix = columns(study.question.factors.len(), &coordinates);
+    let matrix = columns(study.factors.len(), &coordinates);
     let success: Vec<f64> = match &models.success {
         None => vec![1.0; points.len()],
         Some(model) => {

@@ -26,11 +26,11 @@ use super::models::Models;
 use super::normal::{LnSum, ln_cdf, ln_improvement};
 use super::surfaces::{Conditional, Surface};
 use super::{Optimise, candidates, front, has_values, next_replicate, search_runs};
-use crate::decision::Proposal;
 use crate::evidence::{Outcome, Point};
 use crate::goals::Study;
+use crate::measure::Measure;
 use crate::model::kernel::columns;
-use crate::question::Measure;
+use crate::proposal::Proposal;
 use crate::space::{mixed_seed, sobol};
 
 /// Number of draws of the values at the incumbents.
@@ -63,7 +63,7 @@ pub(super) fn proposals(
     models: &Models<'_>,
     room: usize,
 ) -> (Vec<Proposal>, Option<f64>) {
-    let factors = &study.question.factors;
+    let factors = study.factors;
     // Other candidates after every result.
     let seed = mixed_seed(study.seed, study.evidence.runs() as u64);
     let old = old_points(goal, study);
@@ -130,16 +130,15 @@ impl<'a> Field<'a> {
         old: &[(Point, usize)],
         new: &[Vec<f64>],
     ) -> Self {
-        let question = study.question;
         let mut points: Vec<Point> = old.iter().map(|(point, _)| point.clone()).collect();
         for point in new {
-            let point = Point::new(point).rounded(&question.factors);
+            let point = Point::new(point).rounded(study.factors);
             if study.evidence.at(&point).is_none() && !points.contains(&point) {
                 points.push(point);
             }
         }
         let coordinates: Vec<_> = points.iter().map(Point::coordinates).collect();
-        let matrix = columns(question.factors.len(), &coordinates);
+        let matrix = columns(study.factors.len(), &coordinates);
         let (mut surfaces, mut limits) = (Vec::new(), Vec::new());
         for objective in &goal.objectives {
             surfaces.push(Surface::of(models.of(objective.measure()), &matrix, objective.sign()));
@@ -167,7 +166,7 @@ impl<'a> Field<'a> {
                 .map(|latent| model.value(*latent).ln())
                 .collect(),
         };
-        let is_finite = question.factors.iter().all(|factor| factor.is_whole);
+        let is_finite = study.factors.iter().all(|factor| factor.is_whole);
         let mut field = Self { goal, points, surfaces, limits, success, incumbents: Vec::new(), is_finite };
         for (index, (_, pending)) in old.iter().enumerate() {
             for _ in 0..*pending {
@@ -357,7 +356,7 @@ impl<'a> Field<'a> {
     fn has_room(&self, place: usize, study: &Study<'_>, counts: &BTreeMap<usize, u32>) -> bool {
         let runs = study.evidence.at(&self.points[place]).map_or(0, |point| search_runs(point).count());
         let more = counts.get(&place).map_or(0, |count| *count as usize);
-        runs + more < study.question.budget.max_replicates
+        runs + more < study.budget.max_replicates
     }
 
     /// An incumbent at which a replicate serves as well as a run at a point.

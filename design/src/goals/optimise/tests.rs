@@ -9,7 +9,7 @@ use super::confirmation::{ConfirmationState, Confirming};
 use super::normal::{LnSum, ln_cdf, ln_improvement};
 use super::{Constraint, FIRST_CONFIRMATION, Objective, Optimise, front};
 use crate::evidence::{Outcome, Point, PointRuns};
-use crate::question::Measure;
+use crate::measure::Measure;
 use crate::tests::truth::Random;
 
 fn reference() -> Value {

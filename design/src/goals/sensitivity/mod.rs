@@ -21,12 +21,12 @@ use serde::{Deserialize, Serialize};
 pub use morris::MorrisEffects;
 pub use rows::LostRun;
 
-use super::{Course, Study};
-use crate::decision::Finding;
+use super::{Course, Finding, Study};
+use crate::budget::Budget;
 use crate::factor::Factor;
 use crate::fault::{Fault, fault};
 use crate::intervals::Estimated;
-use crate::question::{Budget, Measure, Question};
+use crate::measure::Measure;
 use rows::{Design, Progress};
 
 /// Number of factors above which screening is chosen, if the question names no method.
@@ -153,16 +153,15 @@ impl Sensitivity {
 }
 
 /// Number of runs in the best case: the rows of the first look.
-pub(crate) fn least_runs(goal: &Sensitivity, question: &Question) -> usize {
-    let design = goal.design(&question.factors, &question.budget, 0);
+pub(crate) fn least_runs(goal: &Sensitivity, factors: &[Factor], budget: &Budget) -> usize {
+    let design = goal.design(factors, budget, 0);
     design.first_look() * design.runs_per_row()
 }
 
 pub(super) fn decide(goal: &Sensitivity, study: &Study<'_>) -> Course {
-    let question = study.question;
-    let design = goal.design(&question.factors, &question.budget, study.seed);
+    let design = goal.design(study.factors, study.budget, study.seed);
     let progress = Progress::of(&design, study);
-    let names: Vec<&str> = question.factors.iter().map(|factor| factor.name.as_str()).collect();
+    let names: Vec<&str> = study.factors.iter().map(|factor| factor.name.as_str()).collect();
     let measures: Vec<_> = goal
         .of
         .iter()

@@ -21,7 +21,7 @@ use super::{Effects, MeasureSensitivity};
 use crate::factor::Factor;
 use crate::goals::Study;
 use crate::intervals::Estimated;
-use crate::question::Measure;
+use crate::measure::Measure;
 
 /// Number of factors that the sequence has numbers for.
 pub(super) const MAX_FACTORS: usize = sobol_burley::NUM_DIMENSIONS as usize;

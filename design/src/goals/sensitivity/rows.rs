@@ -10,11 +10,11 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{Method, Sensitivity, morris, saltelli};
-use crate::decision::Proposal;
 use crate::evidence::{Outcome, Point};
 use crate::factor::Factor;
 use crate::goals::Study;
-use crate::question::Measure;
+use crate::measure::Measure;
+use crate::proposal::Proposal;
 
 /// Rows of the longest sequence.
 const MAX_ROWS: usize = 1 << 16;
@@ -138,7 +138,7 @@ impl Progress {
                 missing.filter(|run| proposed.insert((*run).clone())).cloned().collect();
             used += missing.len();
             // Shared runs count in each row: rows without new runs would have no end.
-            let budget = study.question.budget.max_runs;
+            let budget = study.budget.max_runs;
             if used > budget || (row + 1) * design.runs_per_row() > budget {
                 break;
             }
@@ -185,7 +185,7 @@ impl Progress {
         let is_lost = |run: &Proposal| goal.of.iter().any(|measure| value(study, run, measure).is_none());
         let in_row = |(row, runs): (usize, &Vec<Proposal>)| {
             let lost = |run: &Proposal| LostRun {
-                values: run.point.levels(&study.question.factors),
+                values: run.point.levels(study.factors),
                 replicate: run.replicate,
                 row,
             };

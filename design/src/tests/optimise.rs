@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::{ConfirmationState, FIRST_CONFIRMATION, Obstacle, OptimiseAnswer};
+use crate::goals::{ConfirmationState, FIRST_CONFIRMATION, Obstacle, OptimiseAnswer, Recommendation};
 use crate::{Decision, Evidence, Finding, Finished, Outcome, Point, Proposal, Question, Run, decide};
 
 fn question(factors: usize, goal: &Value, budget: &Value) -> Question {
@@ -28,7 +28,7 @@ fn finding(decision: &Decision) -> &OptimiseAnswer {
 }
 
 fn states(decision: &Decision) -> Vec<Option<ConfirmationState>> {
-    let state = |point: &super::Recommendation| point.confirmation.as_ref().map(|found| found.state);
+    let state = |point: &Recommendation| point.confirmation.as_ref().map(|found| found.state);
     finding(decision).recommended.iter().map(state).collect()
 }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
-use super::CalibrateAnswer;
+use crate::goals::CalibrateAnswer;
 use crate::{Decision, Evidence, Finding, Finished, Outcome, Question, Run, decide};
 
 /// What a run of a test with some parameters gives; none for a failure.
