@@ -8,7 +8,7 @@ use roost_solver::engine::run::Snapshot;
 use roost_solver::{Checkpoint, Flow, Moment, Observer, Progress};
 
 use crate::checkpoint_file::CheckpointFile;
-use crate::json;
+use crate::document::json;
 
 /// Minimum wall time between two reports. Short runs would otherwise wait for the interpreter's lock at every sample.
 const INTERVAL: Duration = Duration::from_millis(100);

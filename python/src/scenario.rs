@@ -11,9 +11,10 @@ use roost_solver::scenario::{self, Fault, MeshFiles, read_json, read_mesh_files}
 use roost_solver::{Checked, Limits};
 
 use crate::checkpoint_file::CheckpointFile;
+use crate::device;
+use crate::document::{Refused, faults_error, json};
 use crate::frames::FrameOptions;
 use crate::observer::PythonObserver;
-use crate::{Refused, device, faults_error, json};
 
 /// A scenario with all defaults, and its mesh files.
 #[pyclass(frozen, module = "roost._native")]
