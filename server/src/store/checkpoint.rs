@@ -10,7 +10,6 @@ use sqlx::{Connection, SqliteConnection};
 use tokio_util::sync::CancellationToken;
 
 use super::StoreError;
-use super::writer::Commits;
 
 /// Pages of 4 KiB that are worth a flush of the database.
 const MIN_PAGES: i64 = 2000;
@@ -21,11 +20,15 @@ pub(super) const LONG_LOG_PAGES: &str = "16000";
 /// Time between checks of the log's length.
 const INTERVAL: Duration = Duration::from_millis(100);
 
-/// Copies until the writer has ended. `commits` is the number of its commits.
-pub(super) async fn run(mut connection: SqliteConnection, commits: Commits, ended: CancellationToken) {
+/// Copies until the writer has ended. `commits` returns the number of its commits.
+pub(super) async fn run(
+    mut connection: SqliteConnection,
+    commits: impl Fn() -> u64,
+    ended: CancellationToken,
+) {
     let (mut seen, mut fails) = (0, false);
     while ended.run_until_cancelled(tokio::time::sleep(INTERVAL)).await.is_some() {
-        let now = commits.count();
+        let now = commits();
         if seen == now {
             continue;
         }

@@ -152,7 +152,8 @@ impl Store {
         meshes::sweep(&mut writing).await?;
         deletion::mark_leftovers(&mut writing).await?;
         let writer = Arc::new(Writer::open(writing, line, log.as_deref())?);
-        let copying = copier.map(|copier| checkpoint::run(copier, writer.commits().clone(), writer.end()));
+        let commits = writer.commits().clone();
+        let copying = copier.map(|copier| checkpoint::run(copier, move || commits.count(), writer.end()));
         let checkpoints = Mutex::new(copying.map(tokio::spawn));
         let beats = heartbeats::batcher(writer.clone());
         let claims = claims::batcher(writer.clone());
