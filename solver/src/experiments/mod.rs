@@ -3,6 +3,7 @@
 //! A folder per experiment. Its section of the scenario implements [`Definition`], and it joins [`definition()`] and
 //! [`ALL`] here.
 
+mod belt;
 mod bend;
 mod bodies;
 mod clashes;

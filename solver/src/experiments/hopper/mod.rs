@@ -27,7 +27,6 @@ use super::{CurveRow, Definition, Outputs, Response, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::{BodyKind, Scene};
 use crate::scenario::{Equipment, Fault, Numerics, Scenario, SideWalls};
-pub(super) use opening::belt_speed_m_s;
 
 /// Distance beyond the gate at which a fillet that has wholly passed it leaves the simulation, in metres.
 const GONE_BEYOND_M: f64 = 0.25;

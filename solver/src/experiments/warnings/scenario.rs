@@ -3,7 +3,7 @@
 use super::{SLOW_BELT, SOFT_TISSUE, THIN_FILLET, UNSTABLE_TIMESTEP, WHOLE_SPHERES};
 use crate::engine::scene::BodyKind;
 use crate::experiments::Setup;
-use crate::experiments::hopper::belt_speed_m_s;
+use crate::experiments::belt::belt_speed_m_s;
 use crate::physics::hertz::tissue_on_rigid;
 use crate::result::Warning;
 use crate::scenario::{Experiment, Fill, Scenario};
