@@ -8,11 +8,12 @@ use super::neighbour_list::{ChunkNeighbours, NeighbourLists};
 use super::{CHUNK, Params};
 use crate::engine::frame::Frame;
 use crate::engine::state::{Particle, State};
+use crate::engine::wall_pair::WallPair;
 use crate::physics::contact::ContactHistory;
 use crate::physics::moment::MomentHistory;
 use crate::physics::{bond, contact, damping, moment};
 use crate::walls::Walls;
-use crate::walls::contact::{Seer, WallPair, for_each_contact};
+use crate::walls::contact::{Seer, for_each_contact};
 
 /// Statistics of the stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

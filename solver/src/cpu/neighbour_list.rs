@@ -10,10 +10,10 @@ use super::{CHUNK, Params};
 use crate::engine::saved::{SavedPair, SavedRun, SavedWall};
 use crate::engine::scene::{Placement, Scene};
 use crate::engine::state::State;
+use crate::engine::wall_pair::WallPair;
 use crate::physics::contact::ContactHistory;
 use crate::physics::moment::MomentHistory;
 use crate::walls::Walls;
-use crate::walls::contact::WallPair;
 use glam::Vec3;
 
 /// A neighbour of a sub-particle, with the history of the pair.

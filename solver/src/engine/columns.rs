@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 use super::saved::{SavedPair, SavedRun, SavedWall, StoredBody};
 use super::scene::Scene;
 use super::state::{Particle, State};
+use super::wall_pair::{SideMemory, WallPair};
 use crate::physics::contact::ContactHistory;
 use crate::physics::moment::MomentHistory;
-use crate::walls::contact::{SideMemory, WallPair};
 
 /// A [`SavedRun`] as it is written.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

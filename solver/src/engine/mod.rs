@@ -13,6 +13,7 @@ pub mod scene;
 pub mod simulation;
 pub mod state;
 mod timeline;
+pub mod wall_pair;
 
 use glam::DVec3;
 use saved::SavedRun;

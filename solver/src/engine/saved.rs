@@ -11,10 +11,10 @@ use serde::{Deserialize, Serialize};
 use super::frame::DOMAIN_LIMIT;
 use super::scene::Scene;
 use super::state::State;
+use super::wall_pair::WallPair;
+use crate::equipment::Surface;
 use crate::physics::contact::ContactHistory;
 use crate::physics::moment::MomentHistory;
-use crate::walls::Walls;
-use crate::walls::contact::WallPair;
 
 /// The state of a run between two steps.
 #[derive(Clone, Debug, PartialEq)]
@@ -152,7 +152,7 @@ impl SavedRun {
     }
 
     fn wall_fault(&self, scene: &Scene, count: usize) -> Option<&'static str> {
-        let facets = Walls::new(scene, &self.state.frame).facets().len();
+        let facets = scene.surfaces.iter().map(Surface::facet_count).sum::<usize>();
         let key = |of: &SavedWall| (of.particle, of.wall.facet);
         let sorted = self.walls.is_sorted_by(|a, b| key(a) < key(b));
         let exists = |of: &SavedWall| (of.particle as usize) < count && (of.wall.facet as usize) < facets;

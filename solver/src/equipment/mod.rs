@@ -106,4 +106,9 @@ impl Surface {
             _ => &self.triangles,
         }
     }
+
+    /// Number of its facets. Those that a form lacks keep their numbers.
+    pub(crate) fn facet_count(&self) -> usize {
+        facet::facets(self.triangles_at(None), DVec3::ZERO).len()
+    }
 }

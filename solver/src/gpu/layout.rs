@@ -360,7 +360,7 @@ pub const MAX_NEIGHBOURS: u32 = 128;
 pub const IN_CONTACT: u32 = 1 << 31;
 
 /// Flags in the state of a wall pair.
-pub use crate::walls::contact::{BEYOND, FROM_ABOVE, FROM_BELOW};
+pub use crate::engine::wall_pair::{BEYOND, FROM_ABOVE, FROM_BELOW};
 
 /// Flag of a nearest point: it lies on the rim of the facet.
 pub const ON_RIM: u32 = 8;

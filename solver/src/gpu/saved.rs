@@ -2,9 +2,9 @@
 
 use super::layout::{IN_CONTACT, Moment, Pair, WallPair};
 use crate::engine::saved::SavedPair;
+use crate::engine::wall_pair::{self, SideMemory};
 use crate::physics::contact::ContactHistory;
 use crate::physics::moment::MomentHistory;
-use crate::walls::contact::{self, SideMemory};
 
 fn contact_bit(contact: &ContactHistory) -> u32 {
     if contact.in_contact { IN_CONTACT } else { 0 }
@@ -45,7 +45,7 @@ impl Moment {
 }
 
 impl WallPair {
-    pub(super) fn restore(wall: &contact::WallPair) -> Self {
+    pub(super) fn restore(wall: &wall_pair::WallPair) -> Self {
         Self {
             xi: wall.contact.xi.to_array(),
             facet: wall.facet,
@@ -54,8 +54,8 @@ impl WallPair {
         }
     }
 
-    pub(super) fn save(&self) -> contact::WallPair {
-        contact::WallPair {
+    pub(super) fn save(&self) -> wall_pair::WallPair {
+        wall_pair::WallPair {
             facet: self.facet,
             contact: ContactHistory { in_contact: self.state & IN_CONTACT != 0, xi: self.xi.into() },
             side: SideMemory::from_bits(self.state),

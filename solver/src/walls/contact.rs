@@ -8,33 +8,10 @@ use std::iter::successors;
 use glam::{IVec3, Vec3};
 
 use super::side;
-pub use super::side::{BEYOND, FROM_ABOVE, FROM_BELOW, SideMemory};
 use super::{NearestPoint, Walls};
 use crate::engine::frame::Frame;
+use crate::engine::wall_pair::WallPair;
 use crate::physics::contact::ContactHistory;
-
-/// A facet near a sub-particle, with the history of their contact.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct WallPair {
-    /// Number of the facet in [`Walls`].
-    pub facet: u32,
-    /// History of the contact.
-    pub contact: ContactHistory,
-    /// Side of the facet from which it acts.
-    pub side: SideMemory,
-    /// Force on the sub-particle in the last step, in newton.
-    pub force: Vec3,
-}
-
-impl WallPair {
-    /// Clears what the contact has borne and crossed, if its surface has changed its form: see [`Walls::start`].
-    pub(crate) fn surface_changed(&mut self, changed: &[[u32; 2]]) {
-        if changed.iter().any(|[first, last]| (*first..=*last).contains(&self.facet)) {
-            self.force = Vec3::ZERO;
-            self.side = SideMemory::default();
-        }
-    }
-}
 
 /// A sub-particle among surfaces.
 #[derive(Clone, Copy, Debug)]

@@ -10,11 +10,11 @@ use glam::{DVec3, IVec3, Mat3, Vec3};
 
 use crate::engine::frame::Frame;
 use crate::engine::scene::Scene;
+use crate::engine::wall_pair::SideMemory;
 use crate::equipment::Motion;
 use crate::equipment::facet::{Facet, facets};
 use crate::mesh::bvh::{Aabb, Bvh};
 use crate::physics::contact::ContactLaw;
-use side::SideMemory;
 
 /// All surfaces of a run.
 #[derive(Debug)]

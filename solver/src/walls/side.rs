@@ -15,45 +15,12 @@
 
 use glam::{IVec3, Vec3};
 
-use super::contact::{Seer, WallPair};
+use super::contact::Seer;
 use super::{ALIGNED_COSINE, ALIGNED_SINE, COINCIDENT_M, EDGE_TOLERANCE, NearestPoint, Walls};
 use crate::engine::frame::Frame;
-
-/// Memory of a side of a facet.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct SideMemory {
-    /// Side on which the contact began, as the sign of the height over the facet; 0 while undecided.
-    pub(crate) origin: i8,
-    /// Whether the centre is beyond the facet.
-    pub(crate) beyond: bool,
-}
-
-/// Bit of a packed memory: the contact began above the facet.
-pub const FROM_ABOVE: u32 = 1;
-
-/// Bit of a packed memory: the contact began below the facet.
-pub const FROM_BELOW: u32 = 2;
-
-/// Bit of a packed memory: the centre is beyond the facet.
-pub const BEYOND: u32 = 4;
+use crate::engine::wall_pair::{SideMemory, WallPair};
 
 impl SideMemory {
-    /// The memory as [`FROM_ABOVE`], [`FROM_BELOW`] and [`BEYOND`].
-    pub(crate) fn to_bits(self) -> u32 {
-        let origin = match self.origin {
-            0 => 0,
-            1.. => FROM_ABOVE,
-            ..0 => FROM_BELOW,
-        };
-        origin | if self.beyond { BEYOND } else { 0 }
-    }
-
-    /// The memory from such bits; others do not matter.
-    pub(crate) fn from_bits(bits: u32) -> Self {
-        let origin = i8::from(bits & FROM_ABOVE != 0) - i8::from(bits & FROM_BELOW != 0);
-        Self { origin, beyond: bits & BEYOND != 0 }
-    }
-
     /// The memory where it neither begins nor crosses: `None` if it may. `step_m` is the maximum motion in a step.
     #[inline(always)]
     pub(crate) fn next_if_usual(self, point: &NearestPoint, is_far: bool, step_m: f32) -> Option<Self> {

@@ -9,8 +9,8 @@ use crate::cpu::fast::storage::motion::{BodyMotion, SAFETY_FACTOR};
 use crate::cpu::fast::storage::particles::BodyParticles;
 use crate::cpu::fast::storage::wall_list::{WallList, WallListRow};
 use crate::engine::frame::Frame;
+use crate::engine::wall_pair::WallPair;
 use crate::walls::Walls;
-use crate::walls::contact::WallPair;
 
 /// A search for the facets near a body.
 pub(crate) struct WallSearch<'a> {

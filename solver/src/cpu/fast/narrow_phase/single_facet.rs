@@ -13,9 +13,9 @@ use crate::cpu::fast::storage::pair_lanes::{ContactHistories, PairLoads};
 use crate::cpu::fast::storage::particles::{BodyParticles, slot_of};
 use crate::cpu::fast::storage::wall_list::WallListRow;
 use crate::cpu::load::Load;
+use crate::engine::wall_pair::WallPair;
 use crate::physics::contact::ContactHistory;
 use crate::walls::NearestPoint;
-use crate::walls::contact::WallPair;
 
 /// A sub-particle with a single facet near it, of few triangles.
 #[derive(Clone, Copy, Debug)]

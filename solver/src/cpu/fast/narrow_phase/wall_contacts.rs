@@ -16,10 +16,11 @@ use crate::cpu::fast::storage::pair_lanes::{ContactHistories, PairKinematics, Pa
 use crate::cpu::fast::storage::particles::{BodyParticles, slot_of};
 use crate::cpu::fast::storage::wall_list::WallList;
 use crate::cpu::load::Load;
+use crate::engine::wall_pair::WallPair;
 use crate::physics::contact::{self, ContactHistory};
 use crate::physics::damping::SURFACE_CAP;
 use crate::walls::NearestPoint;
-use crate::walls::contact::{Seer, WallPair, for_each_contact};
+use crate::walls::contact::{Seer, for_each_contact};
 
 /// Scratch memory of one thread for contacts with facets.
 #[derive(Debug, Default)]

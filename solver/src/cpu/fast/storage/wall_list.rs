@@ -2,7 +2,7 @@
 
 use super::context::StepContext;
 use super::motion::{BodyMotion, SAFETY_FACTOR};
-use crate::walls::contact::WallPair;
+use crate::engine::wall_pair::WallPair;
 
 /// Facets near the sub-particles of a body.
 #[derive(Debug, Default)]
