@@ -3,11 +3,10 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use roost_server::DataError;
 use roost_terminal::{BadInput, Exit, message, print_json, print_line};
 use serde_json::json;
 
-use crate::database::Database;
+use crate::database::{Database, with_advice};
 
 /// Copy the data of a server into a folder; the server may be running
 ///
@@ -55,16 +54,6 @@ pub(crate) async fn backup(args: Backup) -> Result<Exit> {
     args.common.refuse_postgres()?;
     let copied = roost_server::backup(&args.common.data, &args.folder).await;
     print_copied(&copied.map_err(with_advice)?, args.common.json)
-}
-
-/// An empty data folder is most likely not that of the server.
-pub(crate) fn with_advice(error: DataError) -> anyhow::Error {
-    match error {
-        DataError::Nothing(_) => {
-            BadInput(format!("{error}; give the data folder of the server with --data")).into()
-        }
-        other => other.into(),
-    }
 }
 
 pub(crate) async fn restore(args: Restore) -> Result<Exit> {

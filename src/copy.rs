@@ -7,7 +7,7 @@ use roost_server::{Location, copy_database, database_in};
 use roost_terminal::{Exit, Table, message, print_json, print_lines};
 use serde_json::json;
 
-use crate::copies;
+use crate::database::with_advice;
 
 /// Copy the database of a stopped server to PostgreSQL, or from PostgreSQL to a data folder
 ///
@@ -36,7 +36,7 @@ fn place(text: &str) -> Result<Location, String> {
 }
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
-    let copied = copy_database(&args.from, &args.to).await.map_err(copies::with_advice)?;
+    let copied = copy_database(&args.from, &args.to).await.map_err(with_advice)?;
     if args.json {
         let tables: Vec<_> = copied
             .iter()

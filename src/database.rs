@@ -7,9 +7,8 @@ use anyhow::Result;
 use clap::builder::TypedValueParser;
 use clap::error::ErrorKind;
 use clap::{Arg, Command, Error};
-use roost_server::{Location, TokenFile};
-
-use crate::copies;
+use roost_server::{DataError, Location, TokenFile};
+use roost_terminal::BadInput;
 
 /// The option.
 #[derive(Debug, clap::Args)]
@@ -43,8 +42,18 @@ impl ServerData {
     pub(crate) async fn open(&self, create: bool) -> Result<TokenFile> {
         Ok(match &self.database.address {
             Some(database) => roost_server::tokens_at(database).await?,
-            None => roost_server::tokens_in(&self.folder, create).await.map_err(copies::with_advice)?,
+            None => roost_server::tokens_in(&self.folder, create).await.map_err(with_advice)?,
         })
+    }
+}
+
+/// An empty data folder is most likely not that of the server.
+pub(crate) fn with_advice(error: DataError) -> anyhow::Error {
+    match error {
+        DataError::Nothing(_) => {
+            BadInput(format!("{error}; give the data folder of the server with --data")).into()
+        }
+        other => other.into(),
     }
 }
 

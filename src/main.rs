@@ -22,6 +22,7 @@ mod interval;
 mod list;
 mod measurements;
 mod meshes;
+mod named_files;
 mod openapi;
 mod output;
 mod pause;

@@ -10,7 +10,7 @@ use roost_terminal::{format, input, message};
 use roost_worker::client::Client;
 use serde_json::{Value, json};
 
-use crate::measurements;
+use crate::named_files;
 
 /// A document whose meshes are named by digest.
 #[derive(Debug)]
@@ -26,8 +26,8 @@ pub(crate) struct Resolved {
 /// Reads the mesh files of a document, and the measurements that a calibration names by file. Paths are relative to the folder of the document, or to the working directory for stdin.
 pub(crate) fn resolve(path: &Path, mut document: Value) -> Resolved {
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut faults = measurements::insert_into_study(folder, &mut document);
-    faults.extend(measurements::insert_posterior(folder, &mut document));
+    let mut faults = named_files::insert_into_study(folder, &mut document);
+    faults.extend(named_files::insert_posterior(folder, &mut document));
     let mut found = read_mesh_files(folder, &mut document);
     faults.append(&mut found.faults);
     found.faults = faults;
