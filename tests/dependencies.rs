@@ -1,4 +1,7 @@
-//! Checks of the dependencies between crates.
+//! Checks of the dependencies between crates, and between the modules of each crate.
+
+#[path = "dependencies/modules.rs"]
+mod modules;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -16,7 +16,7 @@
 //! | `reaper` | background tasks |
 //! | `repeated_failure` | logs an outage in a few lines |
 //!
-//! `server/tests/server/layout.rs` and `imports.rs` check these rules, and that modules have no import cycle.
+//! `server/tests/server/layout.rs` and `tests/dependencies/modules.rs` check these rules, and that modules have no import cycle.
 
 mod clock;
 mod config;

@@ -17,7 +17,6 @@ mod fences;
 mod fills;
 mod forecasts;
 mod frames;
-mod imports;
 mod layout;
 mod leases;
 mod lifecycle;

@@ -1,5 +1,4 @@
-//! The import rules of the server, read from its sources: no cycle between modules, and the layers in one
-//! direction.
+//! The import rules of modules, read from the sources of all crates: no cycle, and the layers of the server in one direction.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -18,9 +17,15 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// The module of a file; that of `http/mod.rs` is `http`.
+/// The node of items that a crate declares in `lib.rs` or `main.rs`.
+const ROOT: &str = "crate root";
+
+/// The module of a file; that of `http/mod.rs` is `http`. The root has no name.
 fn module(root: &Path, file: &Path) -> String {
     let path = file.strip_prefix(root).unwrap().with_extension("");
+    if ["lib", "main"].iter().any(|name| path == Path::new(name)) {
+        return String::new();
+    }
     let path = if path.ends_with("mod") { path.parent().unwrap().to_owned() } else { path };
     path.to_str().unwrap().replace('/', "::")
 }
@@ -83,6 +88,7 @@ fn reexports(module: &str, code: &str) -> Vec<(String, String)> {
         let tree = std::iter::once(start).chain(rest).collect::<Vec<_>>().join(" ");
         Some(tree.split(';').next().unwrap().replace(" as ", "@"))
     });
+    let at = |path: &str| if module.is_empty() { path.to_owned() } else { format!("{module}::{path}") };
     let reexport = |path: String| {
         let (path, name) = match path.split_once('@') {
             Some((path, name)) => (path, name),
@@ -90,11 +96,16 @@ fn reexports(module: &str, code: &str) -> Vec<(String, String)> {
         };
         let own = match path.strip_prefix("crate::") {
             Some(path) => path.to_owned(),
-            None => format!("{module}::{}", path.trim_start_matches("self::")),
+            None => at(path.trim_start_matches("self::")),
         };
-        (format!("{module}::{name}"), own)
+        (at(name), own)
     };
-    trees.flat_map(|tree| paths(&tree)).map(reexport).collect()
+    // An exported macro belongs to the root, wherever it is declared.
+    let macros = code.split("#[macro_export]\nmacro_rules! ").skip(1).map(|rest| {
+        let name = rest.split(' ').next().unwrap();
+        (name.to_owned(), at(name))
+    });
+    trees.flat_map(|tree| paths(&tree)).map(reexport).chain(macros).collect()
 }
 
 /// Whether a path is `outer` or lies in it.
@@ -102,47 +113,82 @@ fn is_part(inner: &str, outer: &str) -> bool {
     inner.strip_prefix(outer).is_some_and(|rest| rest.is_empty() || rest.starts_with("::"))
 }
 
-/// The graph of all modules of the server.
-fn graph() -> Graph {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+/// The folders of all crates, the root of the repository included.
+fn crates() -> Vec<PathBuf> {
+    let repository = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let entries = std::fs::read_dir(repository).unwrap().map(|entry| entry.unwrap().path());
+    let mut found: Vec<_> = entries.chain([repository.to_owned()]).collect();
+    found.retain(|folder| folder.join("src").is_dir() && folder.join("Cargo.toml").is_file());
+    found.sort();
+    found
+}
+
+/// The graph of all modules of a crate.
+fn graph(crate_folder: &Path) -> Graph {
+    let root = crate_folder.join("src");
     let sources: Vec<_> = files(&root)
         .iter()
+        .filter(|file| file.extension().is_some_and(|extension| extension == "rs"))
         .map(|file| (module(&root, file), code(&std::fs::read_to_string(file).unwrap())))
-        .filter(|(module, _)| module != "lib")
         .collect();
     graph_of(&sources)
 }
 
+/// The graph of the modules of the server.
+fn server() -> Graph {
+    graph(&Path::new(env!("CARGO_MANIFEST_DIR")).join("server"))
+}
+
 /// The graph of modules with their code. A re-exported item is imported from its own file. A file does not
-/// import the folder that it is part of.
+/// import the folder that it is part of. An import of an item of the root is one of [`ROOT`].
 fn graph_of(sources: &[(String, String)]) -> Graph {
-    let known: BTreeSet<&String> = sources.iter().map(|(module, _)| module).collect();
+    let modules = || sources.iter().filter(|(module, _)| !module.is_empty());
+    let known: BTreeSet<&String> = modules().map(|(module, _)| module).collect();
     let reexported: Vec<_> = sources.iter().flat_map(|(module, code)| reexports(module, code)).collect();
     let imported = |(module, code): &(String, String)| {
         let of_path = |mut path: String| {
+            let mut is_own = true;
             // A re-export may lead to another.
             for _ in 0..3 {
                 if let Some((outer, own)) = reexported.iter().find(|(outer, _)| is_part(&path, outer)) {
                     path = format!("{own}{}", &path[outer.len()..]);
+                    is_own = false;
                 }
             }
-            known.iter().rev().find(|known| is_part(&path, known)).map(|known| (**known).clone())
+            let of_module = known.iter().rev().find(|known| is_part(&path, known));
+            let is_root = is_own && !path.is_empty() && path != "self";
+            of_module.map(|known| (**known).clone()).or_else(|| is_root.then(|| ROOT.to_owned()))
         };
         let imported = imports(module, code).into_iter().filter_map(of_path);
         (module.clone(), imported.filter(|other| !is_part(module, other)).collect())
     };
-    sources.iter().map(imported).collect()
+    modules().map(imported).collect()
 }
 
-/// The same graph with one node per top-level module.
-fn top_level(graph: &Graph) -> Graph {
-    let top = |module: &str| module.split("::").next().unwrap().to_owned();
-    let mut tops = Graph::new();
+/// The graph with one node for each file and folder of a folder; that of the whole crate is empty.
+fn within(folder: &str, graph: &Graph) -> Graph {
+    let node = |module: &str| {
+        let inner = match folder {
+            "" => module,
+            _ => module.strip_prefix(folder)?.strip_prefix("::")?,
+        };
+        Some(inner.split("::").next().unwrap().to_owned())
+    };
+    let mut nodes = Graph::new();
     for (module, imported) in graph {
-        let others = imported.iter().map(|other| top(other)).filter(|other| *other != top(module));
-        tops.entry(top(module)).or_default().extend(others);
+        let Some(own) = node(module) else { continue };
+        let others = imported.iter().filter_map(|other| node(other)).filter(|other| *other != own);
+        nodes.entry(own.clone()).or_default().extend(others);
     }
-    tops
+    nodes
+}
+
+/// The folders of a graph.
+fn folders(graph: &Graph) -> BTreeSet<String> {
+    let parents = |module: &String| {
+        module.match_indices("::").map(|(at, _)| module[..at].to_owned()).collect::<Vec<_>>()
+    };
+    graph.keys().flat_map(parents).collect()
 }
 
 /// Modules that import themselves, directly or through others.
@@ -164,16 +210,40 @@ fn cyclic(graph: &Graph) -> Vec<&String> {
 }
 
 #[test]
-fn top_level_modules_have_no_import_cycle() {
-    let tops = top_level(&graph());
-    let edges: usize = tops.values().map(BTreeSet::len).sum();
-    assert!(tops.len() > 12 && edges > 30, "{} modules, {edges} imports", tops.len());
-    assert_eq!(cyclic(&tops), [""; 0]);
+fn no_crate_has_an_import_cycle_between_its_modules() {
+    let mut all = 0;
+    for folder in crates() {
+        let modules = within("", &graph(&folder));
+        let edges: usize = modules.values().map(BTreeSet::len).sum();
+        assert!(modules.len() > 1, "{}: {modules:?}", folder.display());
+        assert_eq!(cyclic(&modules), [""; 0], "{}: {modules:?}", folder.display());
+        let from_root: Vec<_> = modules.iter().filter(|(_, imported)| imported.contains(ROOT)).collect();
+        assert!(from_root.is_empty(), "{}: {from_root:?}", folder.display());
+        all += edges;
+    }
+    assert!(crates().len() > 10 && all > 300, "{all} imports");
+}
+
+#[test]
+fn no_folder_has_an_import_cycle_with_a_neighbour() {
+    let mut all = 0;
+    for crate_folder in crates() {
+        let graph = graph(&crate_folder);
+        let folders = folders(&graph);
+        for folder in &folders {
+            let modules = within(folder, &graph);
+            let in_cycles = cyclic(&modules).into_iter().map(|module| format!("{folder}::{module}"));
+            let cycles: Vec<_> = in_cycles.filter(|module| folders.contains(module)).collect();
+            assert!(cycles.is_empty(), "{}: {cycles:?}", crate_folder.display());
+            all += modules.len();
+        }
+    }
+    assert!(all > 300, "{all} files and folders");
 }
 
 #[test]
 fn files_of_http_and_state_have_no_import_cycle() {
-    let graph: Graph = graph()
+    let graph: Graph = server()
         .into_iter()
         .filter(|(module, _)| module.starts_with("http::") || module.starts_with("state::"))
         .collect();
@@ -184,7 +254,7 @@ fn files_of_http_and_state_have_no_import_cycle() {
 
 #[test]
 fn lower_layers_do_not_import_higher_ones() {
-    let tops = top_level(&graph());
+    let tops = within("", &server());
     for lower in
         ["store", "queue", "sweep", "study", "document", "forecast", "measurements", "mesh", "validation"]
     {
@@ -212,6 +282,20 @@ fn use_trees_are_expanded_and_import_cycles_detected() {
     ];
     let sources = sources.map(|(module, code)| (module.to_owned(), code.to_owned()));
     assert_eq!(cyclic(&graph_of(&sources)), ["a::x", "a::y"]);
+    let sources = [
+        ("", "mod a;\nmod b;\npub use b::z::Z;\npub use other::O;\nfn item() {}"),
+        ("a", "use crate::{O, Z};"),
+        ("b", ""),
+        ("b::y", "use crate::{a::A, item, message};"),
+        ("b::z", "#[macro_export]\nmacro_rules! message {}"),
+    ];
+    let sources = sources.map(|(module, code)| (module.to_owned(), code.to_owned()));
+    let graph = graph_of(&sources);
+    assert_eq!(graph["a"], set(&["b::z"]));
+    assert_eq!(graph["b::y"], set(&["a", "b::z", ROOT]));
+    assert_eq!(cyclic(&graph), [""; 0]);
+    assert_eq!(cyclic(&within("", &graph)), ["a", "b"]);
+    assert_eq!((folders(&graph), within("b", &graph)["y"].clone()), (set(&["b"]), set(&["z"])));
     let graph = [("a", set(&["b"])), ("b", set(&["c"])), ("c", set(&["b"])), ("d", set(&["a"]))];
     let graph: Graph = graph.map(|(name, imported)| (name.to_owned(), imported)).into();
     assert_eq!(cyclic(&graph), ["b", "c"]);
