@@ -19,7 +19,7 @@ pub struct Measurements {
     /// A name for people, of at most 256 bytes.
     #[schema(max_length = 256)]
     pub name: String,
-    /// Who measured, and when; or a citation.
+    /// The person or laboratory that measured, and the date; or a citation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<String>,
     /// The tests.

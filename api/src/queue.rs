@@ -26,7 +26,7 @@ pub struct QueueDepth {
 /// The queued jobs with the same needs, and the workers that could claim them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct NeedsDepth {
-    /// What the jobs need.
+    /// Requirements of the jobs on a worker.
     pub needs: Needs,
     /// Number of queued jobs; an estimate for sweeps of more than 1,000 jobs.
     pub jobs: u64,

@@ -56,7 +56,7 @@ fn complete_scenario() -> Object {
 pub(crate) struct WarningSchema {
     /// Stable code, such as `escaped_mass`.
     pub code: String,
-    /// What was found, with figures, and what to do.
+    /// The finding, with figures, and the advised action.
     pub message: String,
 }
 

@@ -45,7 +45,7 @@ words!(
 );
 
 words!(
-    /// Who runs the proposals of a study.
+    /// The party that runs the proposals of a study.
     Driver {
         /// The server: proposals become jobs by themselves.
         Server = "server",
@@ -82,7 +82,7 @@ pub struct StudySpec {
     /// Parameters that each run draws from the posterior of a calibration.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub posterior: Option<PosteriorDraws>,
-    /// Who runs its proposals: the `server` by jobs, or a `client` that asks for them.
+    /// The party that runs its proposals: the `server` by jobs, or a `client` that asks for them.
     #[serde(default = "server")]
     pub driver: Driver,
     /// Jobs of higher priority are claimed first. Values outside -100 to 100 need a token with the scope `admin`.

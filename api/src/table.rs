@@ -205,7 +205,7 @@ pub struct SweepDifferences {
     pub to: DesignPoint,
     /// An entry for each numeric response that both points have, by name. A response in words has an entry `name=word` for each word.
     pub responses: Vec<ResponseDifference>,
-    /// What pairing did to the intervals.
+    /// Effect of pairing on the widths of the intervals.
     pub pairing: PairingGain,
 }
 
@@ -251,7 +251,7 @@ pub struct SweepEffects {
     pub sweep: SweepView,
     /// An entry for each numeric response by name. A response in words has an entry `name=word` for each word: the share of trials with it.
     pub responses: Vec<ResponseEffects>,
-    /// What pairing did to the intervals of the effects.
+    /// Effect of pairing on the widths of the intervals of the effects.
     pub pairing: PairingGain,
 }
 

@@ -31,7 +31,7 @@ Directive: TypeAlias = Literal["continue", "cancel", "preempt", "abandon"]
 """A directive for one attempt."""
 
 Driver: TypeAlias = Literal["server", "client"]
-"""Who runs the proposals of a study."""
+"""The party that runs the proposals of a study."""
 
 EndReason: TypeAlias = Literal["duration", "empty", "jammed", "done", "fill_not_at_rest", "unstable", "cancelled"]
 """Why a run ended."""
@@ -749,7 +749,7 @@ class NeedsDepth(TypedDict):
     jobs: int
     """Number of queued jobs; an estimate for sweeps of more than 1,000 jobs."""
     needs: Needs
-    """What the jobs need."""
+    """Requirements of the jobs on a worker."""
     slots: int
     """Jobs that these workers run at the same time."""
     workers: int
@@ -1352,7 +1352,7 @@ class StudySpec(TypedDict):
     cache: NotRequired[Cache]
     """Whether cached results may be used."""
     driver: NotRequired[Driver]
-    """Who runs its proposals: the `server` by jobs, or a `client` that asks for them."""
+    """The party that runs its proposals: the `server` by jobs, or a `client` that asks for them."""
     factors: list[Factor]
     """The factors, each with `low` and `high`, and perhaps `scale`, or with `levels`."""
     goal: Mapping[str, Any]
@@ -1442,7 +1442,7 @@ class SweepEffects(TypedDict):
     """The effects of a sweep's factors on each response."""
 
     pairing: PairingGain
-    """What pairing did to the intervals of the effects."""
+    """Effect of pairing on the widths of the intervals of the effects."""
     responses: list[ResponseEffects]
     """An entry for each numeric response by name. A response in words has an entry `name=word` for each word: the share
     of trials with it."""
@@ -1679,7 +1679,7 @@ class Warning(TypedDict):
     code: str
     """Stable code, such as `escaped_mass`."""
     message: str
-    """What was found, with figures, and what to do."""
+    """The finding, with figures, and the advised action."""
 
 
 class WiderRange(TypedDict):

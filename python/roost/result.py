@@ -57,7 +57,7 @@ class RunWarning:
     code: str
     """Stable code, such as `escaped_mass`."""
     message: str
-    """What was found, with figures, and what to do."""
+    """The finding, with figures, and the advised action."""
 
     def __str__(self) -> str:
         return f"[{self.code}] {self.message}"
