@@ -100,7 +100,7 @@ impl Computer {
         })
     }
 
-    /// What the checkpoints of a scenario's run on this device belong to.
+    /// The stamp of the checkpoints of a scenario's run on this device.
     pub fn stamp(&self, checked: &Checked) -> Stamp {
         let name = match self {
             Self::Cpu(_) => "cpu",

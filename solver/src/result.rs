@@ -49,7 +49,7 @@ impl RunResult {
     /// remains that of the scenario as it was.
     ///
     /// # Errors
-    /// What cannot be read, in words.
+    /// Names, in words, the part that cannot be read.
     pub fn from_value(mut document: Value) -> Result<Self, String> {
         if let Some(stored) = document.get_mut("scenario") {
             let scenario = scenario::from_value(stored).map_err(|faults| {
@@ -81,7 +81,7 @@ impl RunResult {
 pub struct Warning {
     /// Stable code, such as `escaped_mass`; [`crate::experiments::ALL_WARNINGS`] lists all.
     pub code: String,
-    /// What was found, with figures, and what to do.
+    /// The finding, with figures, and the advised action.
     pub message: String,
 }
 

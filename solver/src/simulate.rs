@@ -50,7 +50,7 @@ pub fn simulate_on<B: Backend>(
     })
 }
 
-/// What the checkpoints of a scenario's run belong to.
+/// The stamp of the checkpoints of a scenario's run.
 pub(crate) fn stamp(backend: &str, device: &str, scenario: &Scenario) -> Stamp {
     Stamp::new(format!("{backend} {device}"), scenario.digest(), scenario.fill_digest())
 }

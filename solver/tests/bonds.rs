@@ -122,7 +122,7 @@ fn a_bond_breaks_beyond_twice_the_contact_radius_and_is_counted() {
         assert_eq!(bench.steps(1), None);
         assert_eq!(bench.state().bonds_broken, u64::from(!intact));
         assert_eq!(bench.state().bonds_intact_fraction(), f64::from(u8::from(intact)));
-        // What broke stays broken and pulls no more.
+        // A broken bond stays broken and pulls no more.
         let pulls = bench.velocity(0).length() > 0.0;
         assert_eq!(pulls, intact);
     }
@@ -300,7 +300,7 @@ fn modulus_of_a_pressed_block_matches_its_lattice() {
         let z = |bench: &mut Bench, l: usize| (0..9).map(|i| bench.position(9 * l + i).z).sum::<f64>() / 9.0;
         let (low, high) = (z(&mut bench, 1), z(&mut bench, 3));
         strain[k] = 1.0 - (high - low) / (4.0 * RADIUS);
-        // What the plate carries is the Hertz force of its nine contacts.
+        // The load of the plate is the Hertz force of its nine contacts.
         let top = z(&mut bench, 4);
         let overlap = RADIUS - (10.0 * RADIUS - speed * 0.6 * (k as f64 + 1.0) - top);
         let rigid = common::E / (1.0 - common::NU * common::NU);

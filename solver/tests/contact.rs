@@ -25,7 +25,7 @@ fn e_star() -> f64 {
     1.0 / (2.0 * (1.0 - NU * NU) / E)
 }
 
-/// What a head-on collision of two spheres does: duration, greatest overlap, speed of separation.
+/// A head-on collision of two spheres: duration, maximum overlap, speed of separation.
 fn collide(restitution: f64, gamma: f64, approach: f64, dt: f64) -> (f64, f64, f64) {
     let gap = 1e-4;
     let x = RADIUS + gap / 2.0;

@@ -156,7 +156,7 @@ fn neighbour_list_rebuilds_in_every_step_change_no_bit() {
 
 #[test]
 fn removing_later_spheres_does_not_change_earlier_ones() {
-    // What goes together with others goes on as if they had never been there, whatever they are to those.
+    // Spheres that leave change no bit of the others, whatever their position among them.
     let mut scene = spheres();
     let count = scene.bodies.len() as u32;
     let far = |k: i32| {

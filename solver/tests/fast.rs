@@ -37,7 +37,7 @@ const TOLERANCE: f64 = 1e-4;
 /// spreads.
 const HORIZON: u64 = 200;
 
-/// What is done to a run on its way.
+/// The changes to a run on its way.
 #[derive(Clone, Debug)]
 struct Course {
     steps: u64,

@@ -121,7 +121,7 @@ fn open(device: Device) -> Gpu {
     Gpu::with(device, &Source::kernels()).expect("kernels that compile")
 }
 
-/// What is said when something finds no room.
+/// The message of a failed allocation.
 fn words<T: std::fmt::Debug>(run: impl FnOnce() -> T) -> String {
     catch_out_of_memory(run).expect_err("there is room").to_string()
 }

@@ -1,4 +1,4 @@
-//! What host and kernels share is the same to both: sizes and places of fields, held against what naga makes of the WGSL.
+//! Host and kernels share one layout: sizes and places of fields are compared with those that naga makes of the WGSL.
 
 use roost_solver::gpu::layout;
 use roost_solver::gpu::source::Source;

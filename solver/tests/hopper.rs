@@ -21,7 +21,7 @@ fn run(fields: &[(&str, Value)]) -> RunResult {
     result
 }
 
-/// What holds for every result, however it ended.
+/// Checks that hold for every result, however it ended.
 fn assert_sound(result: &RunResult) {
     assert_eq!(result.schema, "roost.result/1");
     assert_eq!(result.scenario_digest, result.scenario.digest());
@@ -80,7 +80,7 @@ fn emptied_hopper_discharges_its_whole_mass() {
     let residence = common::curve(&result, "residence_share");
     assert_eq!((residence.x.len(), last(&residence.values)), (8, 1.0));
     assert_eq!(response(&result, "fillets_remaining"), 0.0);
-    // What has left is not computed any more.
+    // Bodies that have left are not computed any more.
     let cost = &result.performance;
     assert!(cost.particle_steps < cost.steps * cost.subparticles);
 }
@@ -149,7 +149,7 @@ fn stationary_belt_is_a_jam() {
 
 #[test]
 fn a_fall_faster_than_the_speed_limit_is_unstable_and_keeps_its_samples() {
-    // What falls freely reaches 1 m/s after 0.1 s.
+    // A body in free fall reaches 1 m/s after 0.1 s.
     let result = run(&[("/numerics/speed_limit_m_s", json!(1.0))]);
     assert_eq!(result.end_reason, EndReason::Unstable);
     let instability = result.instability.as_ref().expect("said where");

@@ -37,7 +37,7 @@ fn jkr_force_matches_lammps_in_compression_and_tension() {
         let (pressed, mut pulled) = (held(&rows[..turn]), held(&rows[turn..]));
         pulled.reverse();
 
-        // What collides runs through the same overlaps, and without damping the force depends on nothing else.
+        // A collision runs through the same overlaps, and without damping the force depends on nothing else.
         let law = against.law(1.0, 0.0, 0.055);
         let moments = collide(against, law, 1e-5, DVec3::X * -speed, 4e-6, 4000);
         let mut approach: Curve = moments.iter().map(|m| (m.overlap, m.force)).collect();
@@ -90,7 +90,7 @@ fn friction_matches_lammps_in_loading_sliding_and_torque() {
 
 #[test]
 fn mindlin_spring_matches_lammps_with_adhesion() {
-    // So much friction that nothing slides, and deep enough that all pushes: the caps of the two codes differ.
+    // Friction is high enough that nothing slides, and overlaps deep enough that all push: the caps of the two codes differ.
     let pair = rub_pair(Sphere.law(1.0, 100.0, 0.055), 1e-4, 2e-5);
     assert_rubs_agree("Mindlin on JKR, pair", &Rub::read("rub_jkr_pair.csv"), &pair, 0.05);
     let wall = rub_wall(Wall.law(1.0, 100.0, 0.055), 1e-4, 2e-5);

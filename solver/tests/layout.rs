@@ -88,7 +88,7 @@ fn observe_imports_only_results() {
     assert_eq!(forbidden("observe", allowed), [""; 0]);
 }
 
-/// Which modules of the fast path each of them imports, by path within `cpu/fast`; `mod` files stand for their folder.
+/// The imports of each module of the fast path, by path within `cpu/fast`; `mod` files stand for their folder.
 fn fast_path_imports() -> BTreeMap<String, BTreeSet<String>> {
     let root = source().join("cpu/fast");
     let module = |path: &Path| {

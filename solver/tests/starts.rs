@@ -1,5 +1,5 @@
-//! What may not start where it is put: bodies in each other or in surfaces, held to a search through all sub-particles; and what
-//! scenes and drops cost.
+//! Bodies may not start in each other or in surfaces: checks against a search through all sub-particles. The costs of scenes and
+//! drops follow.
 
 mod common;
 #[path = "common/stl.rs"]
@@ -264,7 +264,7 @@ fn cost_estimate_matches_the_built_scene_and_its_plan() {
         assert_eq!(estimate.steps, (2.0f64 / 5.75e-5).ceil() as u64);
         assert_eq!((setup.plan().longest_fill_s, setup.plan().duration_s), (0.0, 2.0));
     }
-    // What is too much is told at the field that makes it so.
+    // A limit that is exceeded is reported at the field that exceeds it.
     let few = Limits { max_subparticles: 100, max_steps: 100 };
     let told = |scenario: &Scenario| -> Vec<String> {
         let faults = check(scenario, &Meshes::default(), &few).expect_err("refused");

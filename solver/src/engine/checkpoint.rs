@@ -35,7 +35,7 @@ const MIN_STATE_BYTES: u64 = 16 << 20;
 /// The fastest level: floating-point numbers hardly shrink further at a higher one.
 const ZSTD_LEVEL: i32 = 1;
 
-/// What a checkpoint belongs to. It fits no other run.
+/// The run to which a checkpoint belongs. It fits no other run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stamp {
     /// Revision of the solver.
@@ -61,7 +61,7 @@ pub enum Moment {
 /// The head of a checkpoint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Head {
-    /// What it belongs to.
+    /// The run to which it belongs.
     pub stamp: Stamp,
     /// When it was taken.
     pub moment: Moment,
@@ -74,7 +74,7 @@ pub struct Head {
 /// A run between two steps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checkpoint {
-    /// What it belongs to, and when it was taken.
+    /// The run to which it belongs, and the time when it was taken.
     pub head: Head,
     pub(super) body: Body,
 }
@@ -163,7 +163,7 @@ impl Checkpoint {
     /// Whether a run with this stamp can go on from it.
     ///
     /// # Errors
-    /// What differs.
+    /// Names the property of the run that differs.
     pub fn fits(&self, stamp: &Stamp) -> Result<(), CheckpointError> {
         let own = &self.head.stamp;
         let alike = |what, found: &str, expected: &str| {

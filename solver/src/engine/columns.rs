@@ -104,7 +104,7 @@ impl Columns {
     /// The run, in a scene of which this many bodies have entered.
     ///
     /// # Errors
-    /// What does not fit the scene, in words.
+    /// Names, in words, the part that does not fit the scene.
     pub(super) fn run(&self, scene: &Scene, entered: usize) -> Result<SavedRun, &'static str> {
         let pairs = rows(&self.pairs)?.into_iter().map(|row: PairRow| SavedPair {
             pair: row.pair,

@@ -113,7 +113,7 @@ pub trait Backend {
     /// Removes sub-particles from a run, by serial, ascending.
     fn remove(&self, run: &mut Self::Run, serials: &[u32]);
 
-    /// What later steps of a run depend on.
+    /// The state on which later steps of a run depend.
     fn save(&self, run: &mut Self::Run) -> SavedRun;
 
     /// A run of a scene that goes on from there: its later bits are those of the run that was saved.

@@ -128,7 +128,7 @@ pub trait ExperimentMonitor {
     /// Completes derived series after the last sample.
     fn finish(&mut self) {}
 
-    /// What it has gathered so far.
+    /// The data that it has gathered so far.
     fn save(&self) -> SavedFields;
 
     /// Takes over what a monitor of the same experiment had gathered.

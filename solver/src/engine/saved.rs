@@ -112,7 +112,7 @@ impl SavedRun {
         rows
     }
 
-    /// What makes it unusable for a run of this scene, in words. A run that was saved by Roost has no such fault.
+    /// The fault, in words, that makes it unusable for a run of this scene. A run that was saved by Roost has none.
     pub(crate) fn fault(&self, scene: &Scene) -> Option<&'static str> {
         let count = self.state.particles.len();
         let positions = self.state.particles.iter().map(|particle| particle.position);

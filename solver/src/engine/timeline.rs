@@ -17,7 +17,7 @@ pub(super) struct Timeline {
     pub(super) fault: Option<String>,
 }
 
-/// What a run has done so far.
+/// The progress of a run so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct SoFar {
     /// Steps done.

@@ -1,6 +1,6 @@
 //! Bodies that would start inside each other, or inside or through a surface.
 //!
-//! Such a run would blow up, or a fillet would hang through a plate. Sub-particles may overlap by a tenth of R, since
+//! The run would blow up, or a fillet would hang through a plate. Sub-particles may overlap by a tenth of R, since
 //! positions are written with few digits. A closed surface that faces outwards is solid; a closed container faces inwards.
 
 use std::cell::OnceCell;

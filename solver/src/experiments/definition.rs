@@ -1,4 +1,4 @@
-//! What an experiment must provide. Its section of the scenario implements [`Definition`].
+//! The interface of an experiment. Its section of the scenario implements [`Definition`].
 
 use serde_json::Value;
 

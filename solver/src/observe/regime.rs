@@ -43,7 +43,7 @@ pub enum Regime {
     TooShort,
 }
 
-/// What a regime is judged by.
+/// The limits by which a regime is judged.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Flow {
     /// Lowest running mean of the rate, in kg/s.

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Entry and passage of every body.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct ResidenceTimes {
-    /// What is known of each body, by its number.
+    /// The record of each body, by its number.
     seen: Vec<Option<Seen>>,
     /// Time of the last record, in seconds.
     now_s: f64,

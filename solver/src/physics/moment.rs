@@ -74,7 +74,7 @@ impl MomentLaw {
         }
     }
 
-    /// What these moments leave of the strengths of a bond, which may be less than nothing.
+    /// The strengths of a bond that these moments leave; they may be negative.
     pub fn weaken(&self, bond: &BondLaw, history: &MomentHistory) -> BondLaw {
         let bending = history.bending.dot(history.bending).sqrt();
         BondLaw {

@@ -1,7 +1,7 @@
 //! Meshes that a document names by file, `{"file": "hopper.stl", "units": "mm"}`. The file is read and checked, and its digest
 //! replaces its name in the document, since solver and server identify meshes by digest.
 //!
-//! Such an object is allowed wherever a `mesh` is: in a scenario, in the base of a sweep, and as a level of a factor whose
+//! The object is allowed wherever a `mesh` is: in a scenario and in the base of a sweep. It can be a level of a factor whose
 //! pointer ends in `/mesh`.
 
 use std::collections::HashMap;

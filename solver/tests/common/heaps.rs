@@ -56,7 +56,7 @@ pub fn heap() -> Scene {
     scene
 }
 
-/// So many small bodies, close together, that a thread takes more than two at once.
+/// Small bodies, close together, and more than two at once for each thread.
 pub fn many() -> Scene {
     let bodies = (0..600).map(|k| {
         let [x, y, z] = [k % 12, k / 12 % 10, k / 120].map(|k| 0.0165 * f64::from(k));
@@ -69,7 +69,7 @@ pub fn many() -> Scene {
     scene
 }
 
-/// So many single spheres, pressed together, that they go as several bodies. They have three contacts each, and lose them as they fly apart.
+/// Single spheres, pressed together, and enough for several bodies. They have three contacts each, and lose them as they fly apart.
 pub fn spheres() -> Scene {
     let bodies = (0..700).map(|k| {
         let cell = DVec3::new(f64::from(k % 9), f64::from(k / 9 % 9), f64::from(k / 81));

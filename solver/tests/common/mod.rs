@@ -294,7 +294,7 @@ pub fn scenario(document: Value, fields: &[(&str, Value)]) -> Scenario {
     scenario::from_value(&with(document, fields)).expect("a sound scenario")
 }
 
-/// What comes of a scenario without meshes.
+/// The result of a scenario without meshes.
 pub fn run_on(threads: usize, scenario: &Scenario) -> RunResult {
     simulate(&checked(scenario), CpuOptions { threads }, &mut |_: &Progress| Flow::Continue)
 }

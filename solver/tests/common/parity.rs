@@ -31,13 +31,13 @@ pub fn gpu() -> Option<Gpu> {
 /// The first bits in which two states differ.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
-    /// What differs.
+    /// The quantity that differs.
     pub what: &'static str,
     /// The first sub-particle of which it does.
     pub subparticle: usize,
     /// How many sub-particles differ in it.
     pub of: usize,
-    /// What there should be, and what there is.
+    /// The expected and the found values.
     pub values: String,
 }
 

@@ -72,7 +72,7 @@ impl<B: Backend> Backend for RandomSteps<'_, B> {
 pub struct Killer {
     /// Progress at which it kills, from 0 to 1.
     pub at: f64,
-    /// What it has saved.
+    /// The checkpoint that it has saved.
     pub saved: Option<Checkpoint>,
     killed: bool,
 }

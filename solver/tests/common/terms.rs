@@ -18,7 +18,7 @@ pub type Numbers = fn(&[f32]) -> Vec<f32>;
 /// A term: the same function in both languages, on rows of numbers.
 pub struct Term {
     pub name: &'static str,
-    /// What each input is drawn from.
+    /// The range of each input.
     pub inputs: Vec<Range<f32>>,
     pub outputs: usize,
     /// Statements that read `x(k)` and call `put(k, value)`.

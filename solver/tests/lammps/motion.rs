@@ -11,7 +11,7 @@ use roost_solver::physics::damping::BODY_CAP;
 use crate::common::{Bench, MASS, RADIUS, at, block, law, scene};
 use crate::curve::{Curve, Table};
 
-/// What a sphere meets.
+/// The partner of a sphere in a contact.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Against {
     Sphere,
@@ -86,7 +86,7 @@ pub fn collide(
         let (velocity, turning) = (relative(&mut bench, Bench::velocity), spin(&mut bench));
         let before = bench.velocity(0).x;
         assert_eq!(bench.steps(1), None);
-        // What moves is known half a step before the position, and half a step after.
+        // Velocities are known half a step before the position, and half a step after.
         let velocity = (velocity + relative(&mut bench, Bench::velocity)) / 2.0;
         let turning = (turning + spin(&mut bench)) / 2.0;
         Moment { overlap, velocity, spin: turning, force: (bench.velocity(0).x - before) * MASS / dt }
@@ -140,7 +140,7 @@ pub fn rub_wall(law: ContactLaw, overlap: f64, way: f64) -> Rub {
     let mut bench = Bench::new(&scene);
     let (mut path, mut rub) = (0.0, Rub::default());
     for _ in 0..STEPS {
-        // What the force of a step sees is the speed before it.
+        // The force of a step depends on the speed before it.
         path += bench.velocity(0).y.abs() * dt;
         assert_eq!(bench.steps(1), None);
         rub.push(path, -bench.cpu.surface_forces(&mut bench.run)[0]);

@@ -51,7 +51,7 @@ pub(super) fn entry_box(equipment: &Equipment, scene: &Scene) -> (DVec3, DVec3) 
     ((floor.low + across).extend(bottom), (floor.high - across).extend(equipment.hopper_height_m + top))
 }
 
-/// What a feed has done so far.
+/// The progress of a feed so far.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct SavedFeed {
     waiting: u64,

@@ -22,7 +22,7 @@ pub struct WarningKind {
     pub code: &'static str,
     /// The condition, for the table of codes.
     pub when: &'static str,
-    /// What to do, in one or more sentences. The message ends with it.
+    /// The advised action, in one or more sentences. The message ends with it.
     pub action: &'static str,
 }
 

@@ -1,6 +1,6 @@
 // Moments of bonds: twin of physics/moment.rs, which states the equations.
 
-// What these moments leave of the strengths of a bond.
+// The strengths of a bond that these moments leave.
 fn weakened(law: Moments, bond: Bonds, history: Moment) -> Bonds {
     var weaker = bond;
     weaker.normal_strength = bond.normal_strength - 2.0 * law.rim * length3(history.bending);

@@ -24,7 +24,7 @@ pub struct Product {
     pub scale: f64,
     /// Radius of a sub-particle, in metres.
     pub subparticle_radius_m: f64,
-    /// Which lattice points become sub-particles.
+    /// The lattice points that become sub-particles.
     pub fill: Fill,
     /// Density of a fillet, in kg/m³; null when `subparticle_density_kg_m3` is given.
     pub density_kg_m3: Option<f64>,
@@ -49,7 +49,7 @@ impl Product {
     }
 }
 
-/// Which lattice points of a shape become sub-particles.
+/// The lattice points of a shape that become sub-particles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Fill {

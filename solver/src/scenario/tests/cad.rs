@@ -63,7 +63,7 @@ fn schema_1_declares_its_opening() {
     let stated = json!({"gate_opening_m": 0.08, "hopper_width_m": 0.3, "belt_speed_m_s": 0.3});
     assert_eq!(opening(&old(stated)), (Some(0.3), Some(0.08), 0.25));
     assert_eq!(opening(&old(json!({"gate_opening_m": 0.08}))), (Some(0.59), Some(0.08), 0.25));
-    // What the document did not state is not invented, and a parametric hopper keeps its fields.
+    // Values that the document did not state are not invented, and a parametric hopper keeps its fields.
     assert_eq!(opening(&old(json!({}))), (None, None, 0.25));
     let parametric = old(json!({"parametric": true, "gate_opening_m": 0.08, "belt_speed_m_s": 0.3}));
     assert_eq!(opening(&parametric), (None, None, 0.3));

@@ -1,4 +1,4 @@
-//! What the reader of scenarios promises: defaults, every fault at once, never a panic.
+//! Promises of the reader of scenarios: defaults, every fault at once, never a panic.
 
 mod cad;
 mod faults;
@@ -57,7 +57,7 @@ fn documents_with(pointer: &str) -> Vec<(Value, String)> {
             let mut document = document.clone();
             let of_motion = place.strip_suffix("/velocity_m_s").or(place.strip_suffix("/spin_deg_s"));
             if let Some(surface) = of_motion.filter(|item| item.contains("surfaces")) {
-                // What stands still has neither.
+                // A fixed surface has neither.
                 document.pointer_mut(surface).unwrap()["motion"] = json!("moving");
             }
             (document, place.clone())

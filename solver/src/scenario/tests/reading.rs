@@ -39,7 +39,7 @@ fn schema_1_keeps_the_meaning_of_its_bonds() {
     bonds.bonds.reference_radius_m = None;
     assert_eq!(old, bonds);
     assert_eq!(from_value(&json!(old)).unwrap(), old);
-    // What a document states stays; a faulty section is at fault as ever.
+    // Values that a document states stay; a faulty section is at fault as ever.
     let mut stated = json!({"schema": "roost.scenario/1", "experiment": "hopper", "bonds": {"types": 1}});
     assert_eq!(read(stated.clone()).bonds.types, 1);
     stated["bonds"]["reference_radius_m"] = json!(0.006);

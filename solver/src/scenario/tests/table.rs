@@ -43,7 +43,7 @@ fn every_section_of_a_field_is_described() {
         let mut pointer = field.pointer;
         while let Some((section, _)) = pointer.rsplit_once('/').filter(|(section, _)| !section.is_empty()) {
             pointer = section;
-            // What a list holds stands in the table under its first list.
+            // The fields of a list stand in the table under its first list.
             if !section.ends_with('*') {
                 used.insert(section);
             }

@@ -44,7 +44,7 @@ impl<S: LaneOps> BondMoment<S> {
         Self { bending, twist, moment: pairs.n.mul_add(along, across.mul_add(eta_b, bending)) }
     }
 
-    /// What the moments use up of the normal and the shear strength, in newton.
+    /// The parts of the normal and the shear strength that the moments use up, in newton.
     #[inline(always)]
     pub(crate) fn rim(&self, simd: S, law: &MomentLaw) -> [F<S>; 2] {
         let bending = self.bending.dot(self.bending).sqrt();
