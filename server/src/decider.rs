@@ -70,7 +70,7 @@ async fn running_studies(app: &App) -> Result<Vec<SweepId>, StoreError> {
     app.store.running_studies().await
 }
 
-/// What a decision depends on: it is made again when this has changed.
+/// The state on which a decision depends: it is made again when this has changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Tally {
     counts: StateCounts,

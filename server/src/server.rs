@@ -68,7 +68,7 @@ pub struct Server {
     first: Option<Leading>,
 }
 
-/// What a server keeps for its whole life, whether it leads or not.
+/// The parts that a server keeps for its whole life, whether it leads or not.
 struct Site {
     config: ServerConfig,
     /// The address that it listens on.

@@ -1,4 +1,4 @@
-//! Which server answers a request.
+//! The server that answers a request.
 //!
 //! Several servers can share a database of PostgreSQL. One of them leads: it answers. The others pass each request on to the leader, body
 //! and answer as streams. A request that finds no leader waits a moment for one.
@@ -76,7 +76,7 @@ const OF_REQUEST: [HeaderName; 4] =
 /// The `host` of a request without one. A leader without access tokens refuses it.
 const NO_HOST: HeaderValue = HeaderValue::from_static("missing.invalid");
 
-/// Who answers requests.
+/// The role of this server: it answers requests, or passes them on.
 #[derive(Clone)]
 pub(crate) enum Role {
     /// This server.

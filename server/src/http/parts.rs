@@ -28,7 +28,7 @@ pub(super) struct Part {
 
 /// The bytes that the server has.
 pub(super) enum Received {
-    /// So many; the next part begins there.
+    /// This number of bytes; the next part begins there.
     Some(u64),
     /// The whole.
     All(Staged),

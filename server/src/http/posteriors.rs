@@ -42,7 +42,7 @@ pub(super) async fn fill_in(app: &App, document: &mut Value) -> Result<(), ApiEr
 /// The samples that the trials of a sweep draw; none if it has no posterior.
 pub(super) async fn of_sweep(app: &App, id: SweepId) -> Result<Option<Posterior>, ApiError> {
     let text = app.store.sweep_spec(id).await?.ok_or(Refusal::NoSweep)?;
-    // What was stored is read again: it was checked when it was submitted.
+    // The stored document is read without checks: it was checked when it was submitted.
     let spec: Option<SweepSpec> = serde_json::from_str(&text).ok();
     Ok(spec.and_then(|spec| Posterior::of(&spec.posterior?)))
 }

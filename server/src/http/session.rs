@@ -60,7 +60,7 @@ pub(super) fn cookie<'a>(headers: &'a HeaderMap, name: &str) -> Option<&'a str> 
     sent.flat_map(|value| value.split(';')).find_map(|pair| pair.trim().strip_prefix(name)?.strip_prefix('='))
 }
 
-/// What the dashboard shows of sign-in.
+/// The state of sign-in that the dashboard shows.
 #[derive(Serialize)]
 pub(super) struct Shown {
     /// Host of the identity provider, if there is one.

@@ -101,7 +101,7 @@ async fn complete(app: &App, record: &RequestRecord, request: &Parts) -> Result<
     let code = parameter("code").ok_or_else(|| SignInError::Unusable("it has no code".to_owned()))?;
     let SignedIn { who, grant } = match sign_in.complete(&attempt, code).await {
         Err(SignInError::NoRule { who, groups }) => {
-            // What the user had before the loss of a group ends at once.
+            // The earlier rights of a user who has lost a group end at once.
             app.store.end_sessions(who.identity.clone(), app.clock.now()).await?;
             app.follow_changes().await?;
             return Err(SignInError::NoRule { who, groups });

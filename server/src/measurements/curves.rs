@@ -199,7 +199,7 @@ fn points_of_table(at: &str, table: &str, faults: &mut Vec<Fault>) -> Vec<Point>
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(table.as_bytes());
     let headings: Vec<String> =
         reader.headers().map(|line| line.iter().map(str::to_owned).collect()).unwrap_or_default();
-    // Such as the first numbers of a file without headings: one fault in place of one for each cell and column.
+    // A first line of numbers has no headings: one fault is enough in place of one for each cell and column.
     if !headings.iter().any(|heading| COLUMNS.contains(&heading.as_str())) {
         let detail = "the first line has no headings";
         faults.push(fault(&pointer, json!(headings), detail, "x,mean,deviation,n"));

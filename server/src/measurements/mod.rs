@@ -30,7 +30,7 @@ use units::Conversion;
 
 /// Maximum number of tests of a document.
 const MAX_TESTS: usize = 100;
-/// What a number may be that overflows.
+/// The allowed value for a number that overflows.
 const SMALLER: &str = "a smaller number";
 
 /// Measurements that runs can be compared with.
@@ -38,7 +38,7 @@ const SMALLER: &str = "a smaller number";
 pub struct Lab {
     /// Its name.
     pub name: String,
-    /// Who measured, or a citation.
+    /// The person or laboratory that measured, or a citation.
     pub source: Option<String>,
     /// Its tests.
     pub tests: Vec<TestTargets>,

@@ -1,4 +1,4 @@
-//! What an ended attempt counts in the budget of its project.
+//! The charge of an ended attempt against the budget of its project.
 
 use roost_api::time::Timestamp;
 
@@ -20,7 +20,7 @@ pub(crate) struct Attempt {
     pub slots: Option<u32>,
 }
 
-/// What a result states about its run.
+/// The cost that a result states about its run.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stated {
     /// Threads of the run.

@@ -1,4 +1,4 @@
-//! What a server opens to lead: the data directory, the database and the shared state of its requests.
+//! The parts that a server opens to lead: the data directory, the database and the shared state of its requests.
 
 use std::fs::File;
 use std::sync::{Arc, Mutex};

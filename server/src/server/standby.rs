@@ -160,10 +160,10 @@ fn set(role: &watch::Sender<Role>, next: Role) {
     });
 }
 
-/// What clients read in place of an error that names hosts, folders or settings.
+/// The text that replaces an error for clients, since the error names hosts, folders or settings.
 const IN_THE_LOG: &str = "its operator finds the reason in the server's log";
 
-/// What anybody may read about an error: clients without a token do.
+/// The public text of an error: clients without a token read it.
 fn shown(error: &ServerError) -> String {
     match error {
         ServerError::Store(error @ (StoreError::Newer { .. } | StoreError::NewerSolver { .. })) => {
@@ -176,7 +176,7 @@ fn shown(error: &ServerError) -> String {
     }
 }
 
-/// What an operator can do about it.
+/// The reason of an error, with the action of an operator.
 fn reason(error: &ServerError) -> String {
     let sentence = match error {
         // The error itself says more.

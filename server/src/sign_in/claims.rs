@@ -1,4 +1,4 @@
-//! What the provider says about a user.
+//! The claims of the provider about a user.
 
 use roost_api::job::MAX_NAME_BYTES;
 use serde_json::{Map, Value};

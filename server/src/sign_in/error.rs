@@ -120,7 +120,7 @@ fn groups_seen(groups: &[String]) -> String {
 }
 
 impl SignInError {
-    /// What the user can do.
+    /// The next step of the user.
     pub(crate) fn advice(&self) -> &'static str {
         match self {
             Self::NoProvider => "Sign in with a token, on the first page.",

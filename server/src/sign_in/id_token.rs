@@ -22,7 +22,7 @@ use super::error::SignInError;
 /// Maximum length of a subject (OpenID Connect Core, section 2).
 const MAX_SUBJECT_BYTES: usize = 255;
 
-/// What a token must say.
+/// The values that a token must have.
 #[derive(Clone, Copy)]
 pub(super) struct Expected<'a> {
     pub(super) issuer: &'a str,

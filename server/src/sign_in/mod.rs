@@ -59,7 +59,7 @@ pub(crate) struct Who {
 #[derive(Clone, Debug)]
 pub(crate) struct SignedIn {
     pub(crate) who: Who,
-    /// What the user may do.
+    /// The rights of the user.
     pub(crate) grant: Grant,
 }
 

@@ -83,7 +83,7 @@ struct Refusal {
     error_description: String,
 }
 
-/// What the last readings of metadata and keys have brought.
+/// The results of the last readings of metadata and keys.
 #[derive(Default)]
 struct Last {
     known: Option<(Instant, Arc<Known>)>,

@@ -58,7 +58,7 @@ struct Rule {
     scope: Scope,
 }
 
-/// What a user may do.
+/// The rights of a user: a project, and scopes in it.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Grant {
     pub(crate) project: String,
@@ -148,7 +148,8 @@ impl SignInSettings {
         self.rules.iter().map(|rule| rule.project.as_str()).collect()
     }
 
-    /// What the users of these groups may do: the first rule that fits gives the project, all that fit in this project give scopes.
+    /// The rights of the users of these groups. The first rule that fits gives the project; all that fit in this project give
+    /// scopes.
     pub(crate) fn grant(&self, groups: &[String]) -> Option<Grant> {
         let fits = |rule: &&Rule| rule.group == EVERYBODY || groups.contains(&rule.group);
         let project = self.rules.iter().find(fits)?.project.clone();

@@ -120,7 +120,7 @@ fn an_attempt_belongs_to_its_cookie_and_its_key() {
     for invented in ["", "0", "x.y"] {
         assert!(read(&key, invented, 0).is_none(), "{invented}");
     }
-    // Whoever invents a cookie does not know the state that fits.
+    // An invented cookie has no state that fits.
     assert!(!read(&other, &attempt.cookie, 1_000_000).unwrap().has_state(Some(&state)));
     let renewed = attempt.cookie.replacen("1000000", "1500000", 1);
     assert!(!read(&key, &renewed, 1_500_000).unwrap().has_state(Some(&state)));

@@ -16,7 +16,7 @@ use roost_api::token::Scope;
 
 use crate::store::Token;
 
-/// Who sent a request.
+/// The sender of a request.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Caller {
     /// Id of the token; empty on an open server.
@@ -25,7 +25,7 @@ pub(crate) struct Caller {
     pub(crate) user: Arc<str>,
     /// The project of the token; empty on an open server.
     pub(crate) project: Arc<str>,
-    /// What the token allows.
+    /// The scopes of the token.
     pub(crate) scopes: Vec<Scope>,
     /// Hash of the secret that was sent: a token has another one for each session.
     hash: Option<blake3::Hash>,

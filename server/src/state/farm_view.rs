@@ -1,4 +1,4 @@
-//! What forecasts know of the farm: workers with their slots, running jobs, lengths of the queues, and measured speed.
+//! The view of the farm for forecasts: workers with their slots, running jobs, lengths of the queues, and measured speed.
 //!
 //! All requests share one view, which is used for 20 times as long as it took, but for 5 s at most. It costs 5 % of one reader, whatever
 //! the number of requests, and more only if it takes more than 0.25 s.

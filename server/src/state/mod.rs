@@ -99,7 +99,7 @@ pub(crate) struct AppState {
     pub(crate) progress: ProgressBoard,
     /// Slots of workers.
     pub(crate) slots: WorkerSlots,
-    /// What forecasts know of the farm.
+    /// Views of the farm for forecasts.
     pub(crate) farm_views: FarmViews,
     /// Forecasts of sweeps.
     pub(crate) forecasts: SweepCache<Forecast>,

@@ -10,7 +10,7 @@ use super::observations::{HandedOutRun, handed_out_run};
 use super::{Store, StoreError};
 use crate::study::HandOut;
 
-/// What a client has asked for.
+/// A request of a client for runs.
 pub(crate) struct AskedRuns {
     /// The identifier of its request, if a repeat must be given the same.
     pub(crate) request: Option<Uuid>,
@@ -29,7 +29,7 @@ pub(crate) struct MadeRuns {
 }
 
 impl Store {
-    /// What an earlier request with the same identifier was given; none if there was no such request.
+    /// The runs of an earlier request with the same identifier; none if there was no such request.
     pub(crate) async fn answered_ask(
         &self,
         id: SweepId,

@@ -26,7 +26,7 @@ pub(super) const HIDE: &str = "UPDATE sweeps SET state = 'deleting' WHERE id = ?
     AND NOT EXISTS (SELECT 1 FROM studies WHERE sweep_id = sweeps.id AND state IN ('running', 'paused')) RETURNING seq";
 
 impl Store {
-    /// What a deletion of a sweep would remove.
+    /// The rows and objects that a deletion of a sweep would remove.
     pub(crate) async fn deletion(&self, id: SweepId) -> Result<Option<Deletion>, StoreError> {
         let row = query(
             "SELECT points,

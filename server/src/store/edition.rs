@@ -1,4 +1,4 @@
-//! Which program may lead a database: none whose schema or solver is older than that of a server that has led it.
+//! The edition of a database: no program leads it whose schema or solver is older than that of a server that has led it.
 //!
 //! The SQL of an older schema would damage a newer one. Results of two solvers must not be mixed. A server checks both when it begins
 //! to lead, and with each new connection to PostgreSQL: another server may have led meanwhile.
@@ -20,7 +20,7 @@ pub(crate) struct Edition {
 }
 
 impl Default for Edition {
-    /// That of this program.
+    /// The edition of this program.
     fn default() -> Self {
         Self {
             solver_revision: SOLVER_REVISION,

@@ -1,4 +1,4 @@
-//! Which server leads: of the servers that share a database of PostgreSQL, the one whose writing connection holds the lock of the server.
+//! The election of a leader: of the servers that share a database of PostgreSQL, the one whose writing connection holds a lock.
 //!
 //! PostgreSQL gives the lock to one session and takes it back with the session, so that the lock and the writes end together. The name of
 //! the session has the address of its server.
@@ -18,7 +18,7 @@ const SILENT_S: f64 = 15.0;
 /// Maximum time of a question.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Who leads.
+/// The leader, as seen from one server.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Leader {
     /// Nobody.
@@ -40,7 +40,7 @@ impl Election {
         Self { address, connection: None }
     }
 
-    /// Who leads now. Ends the session of a leader that has been silent for too long, so that another server can lead.
+    /// The leader of this moment. Ends the session of a leader that has been silent for too long, so that another server can lead.
     pub(crate) async fn leader(&mut self) -> Result<Leader, StoreError> {
         let mut connection = self.connection().await?;
         // A connection that fails is not used again.

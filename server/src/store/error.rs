@@ -74,7 +74,7 @@ pub enum StoreError {
     Unsuitable {
         /// Its address, without a password.
         database: String,
-        /// What to do about it.
+        /// The reason, and the action that corrects it.
         reason: String,
     },
     /// A copy would mix two databases.
@@ -154,7 +154,7 @@ pub(crate) enum Unavailable {
 }
 
 impl Unavailable {
-    /// What a client and an operator can do about it.
+    /// The reason, and the action of a client or an operator.
     pub(crate) fn sentence(self) -> &'static str {
         match self {
             Self::Busy => "another program has locked the database: try again later",

@@ -65,7 +65,7 @@ pub(super) struct Opened {
     /// Name and version of the database.
     pub(super) version: String,
     pub(super) readers: Pool,
-    /// What copies the write-ahead log of SQLite.
+    /// The connection that copies the write-ahead log of SQLite.
     pub(super) copier: Option<SqliteConnection>,
     /// The write-ahead log of SQLite, which the server flushes.
     pub(super) log: Option<PathBuf>,

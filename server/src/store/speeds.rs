@@ -1,4 +1,4 @@
-//! What forecasts learn from: finished runs with their wall times, running jobs, and scenarios of queued ones.
+//! The data from which forecasts learn: finished runs with their wall times, running jobs, and scenarios of queued ones.
 //!
 //! Each query reads a bounded number of rows, whatever the size of the farm.
 

@@ -54,7 +54,7 @@ pub(crate) struct StoredStudy {
     past_attempts: u32,
     /// Number of changes of its ranges and observations, and of retries of its jobs.
     pub(crate) news: i64,
-    /// Who runs its proposals.
+    /// The party that runs its proposals.
     pub(crate) driver: Driver,
     /// The sweeps that it began with.
     pub(crate) seeding: Vec<SeedingSweep>,

@@ -1,4 +1,4 @@
-//! What claims see of a queued job, and the lengths of the queues.
+//! The view of claims on a queued job, and the lengths of the queues.
 //!
 //! The conditions are those of `eligible_jobs`, by the same macros. No query reads more than some thousand rows of a queue: longer ones
 //! are known by the positions of their first and last job.
@@ -225,12 +225,12 @@ impl Store {
         Ok(Some(StoredQueuedJob { job, place, since }))
     }
 
-    /// What a job needs, in any state.
+    /// The requirements of a job, in any state.
     pub(crate) async fn needs_of_job(&self, id: JobId) -> Result<Needs, StoreError> {
         self.needs("SELECT needs_backend, needs_memory_mib FROM jobs WHERE id = ?", id.to_string()).await
     }
 
-    /// What each job of a sweep needs, in any state.
+    /// The requirements of each job of a sweep, in any state.
     pub(crate) async fn needs_of_sweep(&self, id: SweepId) -> Result<Needs, StoreError> {
         let sql = "SELECT needs_backend, needs_memory_mib FROM jobs WHERE sweep_id = ? LIMIT 1";
         self.needs(sql, id.to_string()).await

@@ -66,7 +66,7 @@ pub(crate) struct Points {
     factors: Vec<PlannedFactor>,
     source: RowSource,
     count: usize,
-    /// What replicates draw their parameters from.
+    /// The distribution from which replicates draw their parameters.
     posterior: Option<Posterior>,
 }
 

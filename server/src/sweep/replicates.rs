@@ -198,7 +198,7 @@ pub(super) fn ends(interval: Option<Interval>) -> (Option<f64>, Option<f64>) {
     (interval.map(|interval| interval.low), interval.map(|interval| interval.high))
 }
 
-/// What pairing did to the intervals with these ratios of widths.
+/// Effect of pairing on intervals, from the ratios of their widths.
 pub(super) fn gain(mut ratios: Vec<f64>) -> PairingGain {
     ratios.sort_unstable_by(f64::total_cmp);
     let middle = ratios.len() / 2;

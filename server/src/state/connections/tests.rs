@@ -1,4 +1,4 @@
-//! Which connection is displaced, and whether the counts stay right.
+//! Displaced connections, and the counts of connections.
 
 use super::*;
 

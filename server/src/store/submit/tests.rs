@@ -253,8 +253,8 @@ async fn jobs_of_a_hidden_sweep_do_not_change(place: Place) {
 async fn other_writes_wait_for_at_most_one_submission_slice(place: Place) {
     let store = Arc::new(place.open().await);
     let id = SweepId::new();
-    // What holds the writer is counted in commits, since times depend on the machine: a slice that runs, one that
-    // was queued before, and the write itself.
+    // The time that the writer is held is counted in commits, since times depend on the machine. The commits are a slice that runs,
+    // one that was queued before, and the write itself.
     let (other, mut longest, mut writes) = (store.clone(), 0, 0);
     let mut change = async |work: tokio::task::JoinHandle<()>| {
         while !work.is_finished() {

@@ -71,7 +71,7 @@ async fn a_retry_refuses_a_decision_from_older_rows(place: Place) {
         assert_eq!(store.retry_sweep(id, None).await.unwrap(), Ok(1));
         let new = store.study(id).await.unwrap().unwrap();
         assert_eq!((new.state, new.finished), (after, None), "{state}");
-        // Whoever pauses a study may resume it while the decision is made.
+        // A user can pause and resume a study while the decision is made.
         store.change_study(id, &[StudyState::Paused], StudyState::Running, None).await.unwrap();
         assert!(!finish(&store, &old).await, "{state}: the old rows have no queued job");
         assert_eq!(store.study_counts(id).await.unwrap().0.queued, 1, "{state}");

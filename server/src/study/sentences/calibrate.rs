@@ -122,7 +122,7 @@ fn agreement(targets: &[TargetAgreement]) -> Vec<String> {
     sentences
 }
 
-/// What the answer assumes.
+/// The assumptions of the answer.
 pub(super) fn assumptions(question: &Question) -> String {
     let names = |factor: &Factor| Quantity::of_field(&factor.name).name;
     let parameters = question.factors.iter().filter(|factor| factor.name != TEST).map(names);

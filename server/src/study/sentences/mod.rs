@@ -168,7 +168,7 @@ fn unfinished(study: &Study, known: &Known) -> Option<String> {
     })
 }
 
-/// What the runs draw from a posterior.
+/// The parameters that the runs draw from a posterior.
 fn drawn(study: &Study) -> Option<String> {
     let parameters = study.spec.posterior.as_ref()?.parameters.as_ref()?;
     let names: Vec<String> = parameters.iter().map(|pointer| Quantity::of_field(pointer).name).collect();
@@ -252,7 +252,7 @@ fn growth(study: &Study) -> Option<String> {
     (!parts.is_empty()).then(|| format!("The ranges have grown since the study began: {}.", list(&parts)))
 }
 
-/// What the answer assumes beside its factors.
+/// The assumptions of the answer beside its factors.
 fn assumptions(study: &Study) -> String {
     if !study.tests.is_empty() {
         return calibrate::assumptions(&study.question);

@@ -28,7 +28,7 @@ pub(super) fn sentences(study: &Study, known: &Known) -> Vec<String> {
     sentences
 }
 
-/// What the answer assumes about seeds that points have in common.
+/// The assumption of the answer about seeds that points have in common.
 pub(super) fn assumption(study: &Study) -> Option<String> {
     let shared: Vec<String> =
         study.seeding.iter().filter(|seeding| seeding.shares_seeds).map(title).collect();

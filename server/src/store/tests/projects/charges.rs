@@ -35,7 +35,7 @@ async fn an_attempt_counts_once_when_it_ends(place: Place) {
     let jobs = claim(&store, worker, 1, at(2 * HOUR_MS)).await;
     succeed(&store, worker, jobs[0], HOUR_MS).await;
     assert_eq!(used().await, hours(6.0));
-    // What was used stays used.
+    // The used hours stay used.
     for (sweep,) in query_as::<(String,)>("SELECT id FROM sweeps").fetch_all(&store.readers).await.unwrap() {
         assert!(store.delete_sweep(sweep.parse().unwrap(), Timestamp(0)).await.unwrap());
     }
