@@ -231,7 +231,7 @@ fn constraints_on_means_and_probabilities_hold_together() {
             ],
         })
     };
-    // Which constraint is active changes with the limit of the load.
+    // The active constraint changes with the limit of the load.
     for (load, lowest, highest) in [(1.0, 0.5, 0.7), (1.6, 0.8, 0.85)] {
         let (_, decision) = study(&asked(1, goal(load), 700), 8, 20, simulate);
         let best = &finding(&decision).recommended[0];

@@ -263,7 +263,7 @@ impl PointTable {
             }
         }
         let residual = squares - by_seed.iter().map(|sum| sum * sum).sum::<f64>() / points;
-        // What is left of a perfect correlation is rounding error.
+        // The residual of a perfect correlation is rounding error.
         let residual = if residual > ROUNDING * squares { residual } else { 0.0 };
         let degrees_of_freedom = (points - 1.0) * (seeds - 1.0);
         let weight = weights.iter().map(|weight| weight * weight).sum::<f64>();

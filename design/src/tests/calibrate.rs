@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use crate::goals::CalibrateAnswer;
 use crate::{Decision, Evidence, Finding, Finished, Outcome, Question, Run, decide};
 
-/// What a run of a test with some parameters gives; none for a failure.
+/// The responses of a run of a test with some parameters; none for a failure.
 type Simulation<'a> = &'a dyn Fn(&[f64], &str) -> Option<Vec<(&'static str, f64)>>;
 
 fn question(parameters: &[&str], tests: &[&str], goal: Value, max_runs: usize) -> Question {

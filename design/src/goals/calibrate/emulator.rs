@@ -27,7 +27,7 @@ pub(super) struct Emulator {
     is_share: bool,
 }
 
-/// What an emulator says of some sets of parameters.
+/// Prediction of an emulator at some sets of parameters.
 #[derive(Clone, Debug)]
 pub(super) struct Emulated {
     /// Expected means of runs; of a share of yes, its log odds.
@@ -67,7 +67,7 @@ impl Emulator {
         &self.model
     }
 
-    /// What it says of sets of parameters (columns).
+    /// The prediction at sets of parameters (columns).
     pub(super) fn at(&self, points: &DMatrix<f64>) -> Emulated {
         let prediction = self.model.posterior.predict(points);
         let latents = prediction.means.iter().zip(prediction.variances.iter());

@@ -1,4 +1,4 @@
-//! What the tests leave open: parameters that they cannot tell, pairs that they cannot tell apart, and responses that would.
+//! Identifiability: parameters that the tests leave open, pairs that they cannot tell apart, and further responses that would help.
 //!
 //! All is read from the samples, along the scales of the factors and in standard deviations of the priors. A further response is one of
 //! the runs that exist, but was not measured. With a measurement of an error of 5 % it would narrow a direction of the parameters to the

@@ -14,7 +14,7 @@ const EXCHANGES: usize = 3;
 /// Parts of a run, for the bound of all designs.
 const PARTS: usize = 8;
 
-/// What is known about a truth: its boundary, and a model of many runs.
+/// The known boundary of a truth, and a model of many runs.
 pub(super) struct Known {
     gauge: Gauge,
     model: Model,
