@@ -35,7 +35,7 @@ fn rows(arguments: &[&str]) -> Vec<Value> {
 fn every_path_is_timed_on_every_bed() {
     let sandbox = Sandbox::new();
     let scenario = coarse_scenario_file(&sandbox);
-    // So many that a pause of the machine changes the shares of stages little.
+    // With this many steps, a pause of the machine changes the shares of stages little.
     let steps = ["--steps", "200"];
     let bed = ["--subparticles", "1000", "--paths", "plain,fast", "--scenario", &scenario];
     let measure = || rows(&[&steps[..], &bed].concat());

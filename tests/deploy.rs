@@ -336,7 +336,7 @@ fn every_file_is_documented_and_uses_existing_options() {
     }
 }
 
-/// What `cargo deb` reads of the root's manifest. The package itself is made by hand: docs/howto/install.md.
+/// The files that `cargo deb` reads from the root's manifest. The package itself is made by hand: docs/howto/install.md.
 #[test]
 fn debian_package_has_files_that_exist() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -86,7 +86,7 @@ impl Store {
     pub(crate) fn save(&self, record: &Record) -> Result<()> {
         let path = self.path(&record.result.scenario_digest);
         write_atomically(&path, &serde_json::to_vec(record)?)?;
-        // What is left of its checkpoint has no more use.
+        // The files of its checkpoint have no more use.
         self.checkpoint_files(&record.result.scenario_digest).iter().for_each(|file| {
             let _ = fs::remove_file(file);
         });

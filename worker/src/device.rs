@@ -125,7 +125,7 @@ impl Device {
         }
     }
 
-    /// What the checkpoints of a scenario's run on this device belong to.
+    /// The stamp of the checkpoints of a scenario's run on this device.
     ///
     /// # Errors
     /// In words, when the adapter was lost and cannot be opened again.

@@ -56,7 +56,7 @@ impl RunEnd {
 /// Observer that records frames; shared, so that the caller can read its report after the run.
 pub type FrameObserver = Arc<Mutex<dyn Observer + Send>>;
 
-/// What a run does beside its result.
+/// The tasks of a run beside its result.
 #[derive(Default)]
 pub struct Extras {
     /// Records frames, in the run's thread.

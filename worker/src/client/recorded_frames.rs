@@ -1,4 +1,4 @@
-//! What the client states about a stream of frames when it uploads one.
+//! The statement of a client about a stream of frames when it uploads one.
 
 use serde::{Deserialize, Serialize};
 

@@ -82,7 +82,8 @@ pub(super) struct Uploads {
     has_given_up: AtomicBool,
 }
 
-/// What the uploads of one pass over the outbox have met. After a failure, the pass tries no further upload: each would take as long.
+/// The failure that the uploads of one pass over the outbox have met. After it, the pass tries no further upload: each would take
+/// as long.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Pass {
     /// No failure.

@@ -11,7 +11,7 @@ use crate::checkpoints::Resume;
 use crate::device::Device;
 use crate::fills::{FillCache, FillTurn, ServerFill, is_fill_of};
 
-/// What a run starts from.
+/// The state from which a run starts.
 pub(super) struct Start {
     pub(super) resume: Option<Resume>,
     pub(super) fills: Option<Fills>,
