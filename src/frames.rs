@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use clap::ValueEnum;
 use roost_api::Estimate;
-use roost_frames::{Options, Recorder, Report, forecast};
+use roost_frames::{FrameRecorder, Options, Report, forecast};
 use roost_solver::scenario::Scenario;
 use roost_terminal::{BadInput, format, message};
 use roost_worker::runner::FrameObserver;
@@ -56,7 +56,7 @@ fn interval(text: &str) -> Result<f64, String> {
 /// The frames of a run.
 #[derive(Debug)]
 pub(crate) struct Frames {
-    recorder: Arc<Mutex<Recorder>>,
+    recorder: Arc<Mutex<FrameRecorder>>,
     folder: PathBuf,
     /// Whether the user knows that recording has stopped.
     is_warned: bool,
@@ -92,7 +92,7 @@ impl FrameArgs {
                 format::significant(minimum_s),
             )));
         }
-        let recorder = Recorder::create(&folder, scenario, estimate.timestep_s, options)
+        let recorder = FrameRecorder::create(&folder, scenario, estimate.timestep_s, options)
             .map_err(|error| BadInput(format!("cannot write frames into {}: {error}", folder.display())))?;
         let schedule = recorder.schedule();
         message!(

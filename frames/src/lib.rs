@@ -1,6 +1,6 @@
 //! Frames of a run, recorded while it runs: files for ParaView and a compact stream for the web.
 //!
-//! [`Recorder`] is the solver's observer. [`schedule`] selects the samples that become frames, [`vtk`] and [`web`] encode them, and
+//! [`FrameRecorder`] is the solver's observer. [`schedule`] selects the samples that become frames, [`vtk`] and [`web`] encode them, and
 //! [`forecast()`] predicts their size. Only the recorder opens files. `docs/frames.md` describes both formats.
 
 mod forecast;
@@ -12,4 +12,4 @@ pub mod vtk;
 pub mod web;
 
 pub use forecast::{Forecast, forecast};
-pub use recorder::{Options, Recorder, Report, STREAM};
+pub use recorder::{FrameRecorder, Options, Report, STREAM};

@@ -50,7 +50,7 @@ pub struct Report {
 
 /// Records the frames of one run.
 #[derive(Debug)]
-pub struct Recorder {
+pub struct FrameRecorder {
     folder: PathBuf,
     scenario: Scenario,
     schedule: Schedule,
@@ -61,7 +61,7 @@ pub struct Recorder {
     stopped: Option<String>,
 }
 
-impl Recorder {
+impl FrameRecorder {
     /// A recorder that writes into a folder, which it creates if missing. It removes the frames of an earlier run.
     ///
     /// # Errors
@@ -135,7 +135,7 @@ impl Recorder {
     }
 }
 
-impl Observer for Recorder {
+impl Observer for FrameRecorder {
     fn progress(&mut self, _progress: &Progress) -> Flow {
         Flow::Continue
     }

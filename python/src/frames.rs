@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use pyo3::prelude::*;
-use roost_frames::{Options, Recorder, forecast};
+use roost_frames::{FrameRecorder, Options, forecast};
 use roost_solver::Checked;
 
 /// Bytes of a megabyte.
@@ -24,7 +24,7 @@ impl FrameOptions {
     ///
     /// # Errors
     /// In words, when the frames would be larger than the limit, or the folder cannot be written.
-    pub(crate) fn recorder(&self, checked: &Checked) -> Result<Recorder, String> {
+    pub(crate) fn recorder(&self, checked: &Checked) -> Result<FrameRecorder, String> {
         let (scenario, estimate) = (checked.scenario(), checked.estimate());
         let options = Options {
             interval_s: self.interval_s,
@@ -47,7 +47,7 @@ impl FrameOptions {
             ));
         }
         let folder = &self.folder;
-        Recorder::create(folder, scenario, estimate.timestep_s, options).map_err(|error| {
+        FrameRecorder::create(folder, scenario, estimate.timestep_s, options).map_err(|error| {
             format!("frames is {folder:?}: {error}; allowed: a folder that exists or can be made, and can be written")
         })
     }

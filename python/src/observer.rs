@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
-use roost_frames::Recorder;
+use roost_frames::FrameRecorder;
 use roost_solver::engine::run::Snapshot;
 use roost_solver::{Checkpoint, Flow, Moment, Observer, Progress};
 
@@ -21,14 +21,14 @@ pub(crate) struct PythonObserver {
     raised: Option<PyErr>,
     /// Its checkpoint file.
     checkpoints: Option<CheckpointFile>,
-    frames: Option<Recorder>,
+    frames: Option<FrameRecorder>,
 }
 
 impl PythonObserver {
     pub(crate) fn new(
         report: Option<Py<PyAny>>,
         checkpoints: Option<CheckpointFile>,
-        frames: Option<Recorder>,
+        frames: Option<FrameRecorder>,
     ) -> Self {
         Self { report, reported_at: Instant::now(), raised: None, checkpoints, frames }
     }

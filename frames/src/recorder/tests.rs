@@ -11,7 +11,7 @@ const ALL: Options = Options { interval_s: 0.06, vtk: true, web: true, limit_byt
 fn record(folder: &Path, options: Options, frames: u32) -> (Report, u64) {
     let (scenario, scene, state) = hopper_with_fillets(2);
     let bonds = bonds(&scene);
-    let mut recorder = Recorder::create(folder, &scenario, 1e-4, options).expect("a folder");
+    let mut recorder = FrameRecorder::create(folder, &scenario, 1e-4, options).expect("a folder");
     for k in 0..frames {
         let simulated_s = 0.06 * f64::from(k);
         if recorder.wants_snapshot(simulated_s) {
@@ -61,7 +61,7 @@ fn recording_stops_at_the_limit_with_valid_files() {
 fn a_removed_folder_stops_recording_but_not_the_run() {
     let (scenario, scene, state) = hopper_with_fillets(1);
     let folder = tempfile::tempdir().expect("a folder");
-    let mut recorder = Recorder::create(folder.path(), &scenario, 1e-4, ALL).expect("a folder");
+    let mut recorder = FrameRecorder::create(folder.path(), &scenario, 1e-4, ALL).expect("a folder");
     recorder.snapshot(&snapshot_at(&scene, &state, &[], 0.0, None));
     fs::remove_dir_all(folder.path().join(FOLDER)).expect("removed");
     recorder.snapshot(&snapshot_at(&scene, &state, &[], 0.06, None));

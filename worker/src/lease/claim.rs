@@ -16,7 +16,7 @@ use super::attempts::AttemptKey;
 use super::checkpoints::Uploader;
 use super::deliver;
 use super::fills::FillUpload;
-use super::frames::Recording;
+use super::frames::FrameRecording;
 use super::session::Session;
 use crate::backoff::Backoff;
 use crate::client::ClientError;
@@ -128,11 +128,11 @@ fn start(session: &Arc<Session>, runs: &TaskTracker, claimed: ClaimedAttempt, sl
     let meshes = MeshSource::Server(session.meshes.clone());
     let resources = Resources::new(session.config.device.clone(), slot.threads);
     let folder = session.outbox.frames_folder(job_id, attempt);
-    let recording = frames.and_then(|order| Recording::start(folder, &scenario, order));
+    let recording = frames.and_then(|order| FrameRecording::start(folder, &scenario, order));
     let uploader = checkpoints.map(|order| Uploader::start(session.clone(), key, order));
     let (server_fill, fill_upload) = fill.map(|order| super::fills::share(session, key, order)).unzip();
     let extras = Extras {
-        frames: recording.as_ref().map(Recording::observer),
+        frames: recording.as_ref().map(FrameRecording::observer),
         checkpoints: uploader.as_ref().map(Uploader::slot),
         fills: shared_fill.then(|| session.fills.clone()),
         server_fill,
@@ -150,7 +150,7 @@ async fn finish(
     session: Arc<Session>,
     (job_id, attempt): AttemptKey,
     run: Run,
-    (recording, uploader, fill_upload): (Option<Recording>, Option<Uploader>, Option<FillUpload>),
+    (recording, uploader, fill_upload): (Option<FrameRecording>, Option<Uploader>, Option<FillUpload>),
     slot: Slot,
 ) {
     let (end, filled_by) = run.end_with_fill().await;

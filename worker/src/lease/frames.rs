@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use roost_api::frames::FramesOrder;
-use roost_frames::{Options, Recorder, STREAM};
+use roost_frames::{FrameRecorder, Options, STREAM};
 use roost_solver::scenario::{self, Timestep};
 use serde_json::Value;
 
@@ -24,12 +24,12 @@ const PATIENCE: Duration = Duration::from_secs(600);
 
 /// The frames of a running job.
 #[derive(Debug)]
-pub(super) struct Recording {
-    recorder: Arc<Mutex<Recorder>>,
+pub(super) struct FrameRecording {
+    recorder: Arc<Mutex<FrameRecorder>>,
     folder: PathBuf,
 }
 
-impl Recording {
+impl FrameRecording {
     /// Starts to record; none when the recorder cannot start, and the job runs without frames.
     pub(super) fn start(folder: PathBuf, scenario: &Value, order: FramesOrder) -> Option<Self> {
         // The run reports an invalid scenario.
@@ -40,7 +40,7 @@ impl Recording {
         };
         let FramesOrder { interval_s, limit_bytes } = order;
         let options = Options { interval_s, vtk: false, web: true, limit_bytes };
-        match Recorder::create(&folder, &scenario, timestep_s, options) {
+        match FrameRecorder::create(&folder, &scenario, timestep_s, options) {
             Ok(recorder) => Some(Self { recorder: Arc::new(Mutex::new(recorder)), folder }),
             Err(error) => {
                 tracing::warn!(%error, folder = %folder.display(), "the job runs without frames");
