@@ -13,7 +13,7 @@ use std::io::Read;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::columns::Columns;
+use super::columns::SavedColumns;
 use super::saved::SavedRun;
 use super::saved_fields::SavedFields;
 use super::timeline::SoFar;
@@ -84,7 +84,7 @@ pub(super) struct Body {
     pub(super) so_far: SoFar,
     /// Bodies that have entered.
     pub(super) entered: u64,
-    pub(super) columns: Columns,
+    pub(super) columns: SavedColumns,
     pub(super) monitor: SavedFields,
 }
 
@@ -123,7 +123,7 @@ impl CheckpointError {
 
 impl Checkpoint {
     pub(super) fn new(head: Head, so_far: SoFar, entered: u64, run: &SavedRun, monitor: SavedFields) -> Self {
-        Self { head, body: Body { so_far, entered, columns: Columns::of(run), monitor } }
+        Self { head, body: Body { so_far, entered, columns: SavedColumns::of(run), monitor } }
     }
 
     /// The bytes of its file. Takes about 0.1 s for 41,000 sub-particles: leave it to another thread than the run's.

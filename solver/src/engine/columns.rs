@@ -13,7 +13,7 @@ use crate::physics::moment::MomentHistory;
 
 /// A [`SavedRun`] as it is written.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Columns {
+pub(super) struct SavedColumns {
     step: u64,
     start_step: Option<u64>,
     bonds_broken: u64,
@@ -61,7 +61,7 @@ struct WallRow {
 const IN_CONTACT: u32 = 1 << 31;
 const INTACT: u32 = 1 << 30;
 
-impl Columns {
+impl SavedColumns {
     /// The columns of a run.
     pub(super) fn of(run: &SavedRun) -> Self {
         let state = &run.state;
