@@ -16,7 +16,7 @@ use uuid::Uuid;
 use super::extract::whole_body;
 use super::problem::{ApiError, ProblemKind};
 use crate::state::{App, Caller};
-use crate::store::{StoredResponse, Submission, SubmissionState};
+use crate::store::{IdempotentRequest, StoredResponse, SubmissionState};
 
 const KEY: HeaderName = HeaderName::from_static("idempotency-key");
 const REPLAYED: HeaderName = HeaderName::from_static("idempotency-replayed");
@@ -60,7 +60,7 @@ async fn answer_once(app: &App, request: Request, next: Next) -> Result<Response
     let owner = request.extensions().get::<Caller>().map_or("", |caller| &caller.token).to_owned();
     let (parts, body) = request.into_parts();
     let bytes = whole_body(Request::from_parts(parts.clone(), body), app).await?;
-    let submission = Submission { token_id: owner, key, fingerprint: fingerprint(&parts, &bytes) };
+    let submission = IdempotentRequest { token_id: owner, key, fingerprint: fingerprint(&parts, &bytes) };
     let reserved = match app.store.submission(submission.clone(), app.clock.now()).await? {
         SubmissionState::Reserved(id) => id,
         SubmissionState::Answered(answered) => return Ok(stored_answer(answered)),

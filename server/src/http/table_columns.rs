@@ -19,11 +19,11 @@ impl Chunk {
 }
 
 /// The columns of a table.
-pub(super) struct Columns {
+pub(super) struct TableColumns {
     pub(super) factors: Vec<String>,
     /// Pointers of the parameters that trials drew from a posterior.
     pub(super) parameters: Vec<String>,
-    pub(super) responses: Vec<sweep::Response>,
+    pub(super) responses: Vec<sweep::SweepResponse>,
     /// Names of the selected responses; none selects all.
     pub(super) selected: Option<Vec<String>>,
     /// Whether parameters were drawn from a posterior.
@@ -34,7 +34,7 @@ pub(super) struct Columns {
     pub(super) experiment: Option<String>,
 }
 
-impl Columns {
+impl TableColumns {
     /// The columns with the values of some rows. Their names are long.
     pub(super) fn of(&self, chunk: &Chunk) -> Vec<sweep::Column> {
         match chunk {

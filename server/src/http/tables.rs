@@ -20,7 +20,7 @@ use super::page::{RowRange, link_to_next};
 use super::posteriors;
 use super::problem::ApiError;
 use super::sweeps::view;
-use super::table_columns::{Chunk, Columns, unwritten};
+use super::table_columns::{Chunk, TableColumns, unwritten};
 use super::table_query::{By, MAX_ROWS, TableFormat, TableQuery};
 use super::table_rows::TableRows;
 use super::workbooks;
@@ -65,7 +65,8 @@ pub(crate) async fn table(
             names
                 .iter()
                 .map(|name| {
-                    of(name).unwrap_or_else(|| sweep::Response { name: name.clone(), ..Default::default() })
+                    of(name)
+                        .unwrap_or_else(|| sweep::SweepResponse { name: name.clone(), ..Default::default() })
                 })
                 .collect()
         }
@@ -77,7 +78,7 @@ pub(crate) async fn table(
     if format == TableFormat::Xlsx && selected.is_none() {
         sweep::headline_first(&mut responses, experiment.as_deref());
     }
-    let columns = Columns {
+    let columns = TableColumns {
         factors: sweep.factors.clone(),
         parameters: posterior.iter().flat_map(|samples| samples.parameters()).cloned().collect(),
         responses,
@@ -123,7 +124,7 @@ async fn experiment(app: &App, id: SweepId) -> Result<Option<String>, ApiError> 
 }
 
 /// The responses that results of a sweep have. Finding them reads every result, so they are cached per version.
-async fn responses(app: &App, id: SweepId) -> Result<Arc<Vec<sweep::Response>>, ApiError> {
+async fn responses(app: &App, id: SweepId) -> Result<Arc<Vec<sweep::SweepResponse>>, ApiError> {
     let version = app.store.version(Subject::Sweep(id)).await?.ok_or(Refusal::NoSweep)?;
     if let Some(known) = app.sweep_responses.get(id, &version) {
         return Ok(known);
@@ -134,10 +135,16 @@ async fn responses(app: &App, id: SweepId) -> Result<Arc<Vec<sweep::Response>>, 
 }
 
 /// Writes a chunk; the last argument is whether it is the first.
-type Write = fn(&Columns, &Chunk, bool) -> Result<Vec<u8>, ApiError>;
+type Write = fn(&TableColumns, &Chunk, bool) -> Result<Vec<u8>, ApiError>;
 
 /// Streams a table: head, chunks, tail. If reading fails in between, the answer ends early.
-fn stream_table(head: Vec<u8>, tail: Vec<u8>, rows: TableRows, columns: Columns, write: Write) -> Response {
+fn stream_table(
+    head: Vec<u8>,
+    tail: Vec<u8>,
+    rows: TableRows,
+    columns: TableColumns,
+    write: Write,
+) -> Response {
     let state = (Some(head), Some(tail), rows, columns, true);
     let chunks = stream::try_unfold(state, move |(head, tail, mut rows, columns, is_first)| async move {
         if let Some(head) = head {
@@ -176,7 +183,7 @@ fn json_tail(next_cursor: Option<&str>) -> Vec<u8> {
 }
 
 /// The rows as a JSON list without brackets.
-fn json_rows(_: &Columns, chunk: &Chunk, is_first: bool) -> Result<Vec<u8>, ApiError> {
+fn json_rows(_: &TableColumns, chunk: &Chunk, is_first: bool) -> Result<Vec<u8>, ApiError> {
     let mut list = match chunk {
         Chunk::Trials(trials) => json(trials)?,
         Chunk::Points(points) => json(points)?,
@@ -195,7 +202,7 @@ fn json(value: &impl Serialize) -> Result<Vec<u8>, ApiError> {
 }
 
 /// Parquet stores columns, whose types are known after the last row. Only values stay in memory.
-async fn parquet(mut rows: TableRows, mut columns: Columns) -> Result<Response, ApiError> {
+async fn parquet(mut rows: TableRows, mut columns: TableColumns) -> Result<Response, ApiError> {
     let mut all = columns.of(&Chunk::none(rows.by_point));
     while let Some(chunk) = rows.next().await? {
         let extended = run_blocking(move || {

@@ -14,7 +14,7 @@ use serde_json::json;
 use super::blocking::run_blocking;
 use super::problem::{ApiError, ProblemKind};
 use super::studies::view_of;
-use super::table_columns::{Chunk, Columns, unwritten};
+use super::table_columns::{Chunk, TableColumns, unwritten};
 use super::table_rows::TableRows;
 use crate::study::sentences;
 use crate::sweep::{self, unit_of};
@@ -30,7 +30,7 @@ type Book = (ResultWorkbook, SheetId, SheetId);
 pub(super) async fn write(
     sweep: &SweepView,
     mut rows: TableRows,
-    columns: Columns,
+    columns: TableColumns,
 ) -> Result<Response, ApiError> {
     check_size(sweep.counts.total(), &columns)?;
     let (app, folder, drawn) = (rows.app.clone(), rows.app.config.data.clone(), rows.runs_per_sample);
@@ -72,7 +72,7 @@ pub(super) async fn write(
 }
 
 /// Refuses more rows or columns than a sheet can have.
-fn check_size(jobs: u64, columns: &Columns) -> Result<(), ApiError> {
+fn check_size(jobs: u64, columns: &TableColumns) -> Result<(), ApiError> {
     let widest = [true, false].map(|by_point| columns.of(&Chunk::none(by_point)).len()).into_iter().max();
     let detail = if jobs > MAX_ROWS {
         format!(
@@ -87,7 +87,7 @@ fn check_size(jobs: u64, columns: &Columns) -> Result<(), ApiError> {
 }
 
 /// Adds the sheet of units: a row for each column of both tables.
-fn add_units(book: &mut ResultWorkbook, columns: &Columns) -> Result<(), rust_xlsxwriter::XlsxError> {
+fn add_units(book: &mut ResultWorkbook, columns: &TableColumns) -> Result<(), rust_xlsxwriter::XlsxError> {
     let header = ["sheet", "column", "unit", "meaning", "field"].map(str::to_owned);
     let sheet = book.add_sheet("units", &header, &[(1, 40), (3, 90), (4, 40)])?;
     for (name, by_point) in [("points", true), ("jobs", false)] {
@@ -125,11 +125,11 @@ mod tests {
 
     #[test]
     fn sizes_beyond_those_of_a_sheet_are_refused() {
-        let columns = |responses: usize| Columns {
+        let columns = |responses: usize| TableColumns {
             factors: vec!["/equipment/gate_opening_m".to_owned()],
             parameters: Vec::new(),
             responses: (0..responses)
-                .map(|number| sweep::Response {
+                .map(|number| sweep::SweepResponse {
                     name: format!("r{number}"),
                     has_numbers: true,
                     has_words: false,

@@ -7,7 +7,7 @@ use roost_solver::observable::{Line, Observable, lines};
 use roost_solver::scenario::{Experiment, Scenario};
 use serde_json::{Value, json};
 
-use super::replicates::{Replicates, checked_deviation};
+use super::replicates::{ReplicateStatistics, checked_deviation};
 use super::{SMALLER, Target, too_large, unit_conversion};
 use crate::document::{MAX_FAULTS, fault};
 
@@ -109,7 +109,7 @@ fn read_all(
             faults.push(point.place.fault(at, name, json!(written), &too_large(line.of.unit), SMALLER));
             continue;
         }
-        let Replicates { mean, deviation, n } = converted;
+        let ReplicateStatistics { mean, deviation, n } = converted;
         targets.push(Target { observable: Observable::Point { line, at: x }, mean, deviation, n });
     }
     targets
@@ -133,12 +133,12 @@ fn x_fault(x: f64, line: &Line, reach: Option<(f64, &str)>) -> Option<(String, S
     }
 }
 
-fn replicates(at: &str, point: &Point, faults: &mut Vec<Fault>) -> Option<Replicates> {
+fn replicates(at: &str, point: &Point, faults: &mut Vec<Fault>) -> Option<ReplicateStatistics> {
     let &Point { place, point: MeasuredPoint { mean, deviation, n, .. } } = point;
     let report =
         |detail: &str, allowed: &str| place.fault(at, "deviation", json!(deviation), detail, allowed);
     let deviation = checked_deviation(deviation, n.into(), report, faults)?;
-    Some(Replicates { mean, deviation, n: n.into() })
+    Some(ReplicateStatistics { mean, deviation, n: n.into() })
 }
 
 /// The line of the experiment with both quantities of the curve.

@@ -25,7 +25,7 @@ use crate::document::{
     MAX_FAULTS, fault, label_faults_at, name_fault, prefixed, read_leniently, with_content_faults,
 };
 use crate::mesh;
-use replicates::Replicates;
+use replicates::ReplicateStatistics;
 use units::Conversion;
 
 /// Maximum number of tests of a document.
@@ -174,7 +174,7 @@ fn read_response(
     outputs: &'static Outputs,
     faults: &mut Vec<Fault>,
 ) -> Option<Target> {
-    let replicates = Replicates::of_response(at, measured, faults);
+    let replicates = ReplicateStatistics::of_response(at, measured, faults);
     let Some(observable) = Observable::response(outputs, &measured.response) else {
         let rows = outputs.responses.iter().filter(|row| row.kind != ResponseType::Word);
         let names: Vec<&str> = rows.map(|row| row.name).collect();
@@ -203,7 +203,7 @@ fn read_response(
     {
         faults.push(overflow_fault(at, measured, name, own));
     }
-    let Replicates { mean, deviation, n } = replicates;
+    let ReplicateStatistics { mean, deviation, n } = replicates;
     (faults.len() == before).then_some(Target { observable, mean, deviation, n })
 }
 

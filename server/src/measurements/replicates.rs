@@ -8,15 +8,15 @@ use serde_json::{Value, json};
 use super::units::Conversion;
 use crate::document::fault;
 
-/// Replicates of one number, in the unit as written.
+/// Statistics of the replicates of one number, in the unit as written.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Replicates {
+pub(super) struct ReplicateStatistics {
     pub(super) mean: f64,
     pub(super) deviation: f64,
     pub(super) n: u64,
 }
 
-impl Replicates {
+impl ReplicateStatistics {
     /// The same in another unit; infinite numbers if they overflow.
     pub(super) fn converted(self, conversion: Conversion) -> Self {
         let [mean, deviation] = [self.mean, self.deviation].map(|number| conversion.of(number));

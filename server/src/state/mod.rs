@@ -34,7 +34,7 @@ use crate::clock::Clock;
 use crate::config::ServerConfig;
 use crate::sign_in::SignIn;
 use crate::store::{ProjectValues, Store, StoreError};
-use crate::sweep::Response;
+use crate::sweep::SweepResponse;
 pub(crate) use access::{Access, AccessError, Caller};
 pub(crate) use connections::Connections;
 use curve_points::CurvePoints;
@@ -68,7 +68,7 @@ pub(crate) struct AppState {
     /// Views of sweeps.
     pub(crate) sweep_views: SweepCache<SweepView>,
     /// Names and types of the responses of sweeps.
-    pub(crate) sweep_responses: SweepCache<Arc<Vec<Response>>>,
+    pub(crate) sweep_responses: SweepCache<Arc<Vec<SweepResponse>>>,
     /// Meshes for the checks of submissions.
     pub(crate) mesh_cache: MeshCache,
     /// Submissions that may name a mesh hold this for reading; pruning holds it for writing while it deletes

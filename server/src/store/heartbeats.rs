@@ -43,9 +43,9 @@ pub(super) struct Beats {
     until: Timestamp,
 }
 
-type Answer = Result<HeartbeatReply, Refusal>;
+type BeatReply = Result<HeartbeatReply, Refusal>;
 
-pub(super) type BeatBatcher = Batcher<Beats, Answer>;
+pub(super) type BeatBatcher = Batcher<Beats, BeatReply>;
 
 pub(super) fn batcher(writer: Arc<Writer>) -> BeatBatcher {
     Batcher::start(writer, MAX_BATCH, INTERVAL, |tx, batch| Box::pin(renew_all(tx, batch)))
@@ -59,13 +59,13 @@ impl Store {
         beats: Vec<Beat>,
         now: Timestamp,
         until: Timestamp,
-    ) -> Result<Answer, StoreError> {
+    ) -> Result<BeatReply, StoreError> {
         self.beats.submit(Beats { worker, beats, now, until }).await
     }
 }
 
 /// Renews the leases of a batch of workers, and answers in their order.
-async fn renew_all(tx: &mut Connection, batch: &[Arc<Beats>]) -> Result<Vec<Answer>, StoreError> {
+async fn renew_all(tx: &mut Connection, batch: &[Arc<Beats>]) -> Result<Vec<BeatReply>, StoreError> {
     let draining = mark_seen(tx, batch).await?;
     let effects = effects(tx, batch).await?;
     let mut renewed: Vec<Value> = Vec::new();

@@ -95,7 +95,7 @@ pub(crate) use projects::{ProjectCounts, ProjectValues};
 pub(crate) use sessions::NewSession;
 pub(crate) use speeds::{RunningJob, StoredScenario};
 pub(crate) use studies::{MAX_PROPOSALS, NewStudy, StoredStudy};
-pub(crate) use submissions::{StoredResponse, Submission, SubmissionState};
+pub(crate) use submissions::{IdempotentRequest, StoredResponse, SubmissionState};
 pub(crate) use submit::{NewJob, NewSweep};
 pub(crate) use tells::Conflict;
 pub(crate) use tokens::Token;

@@ -9,7 +9,7 @@ use super::{Store, StoreError};
 
 /// A request with an idempotency key.
 #[derive(Clone, Debug)]
-pub(crate) struct Submission {
+pub(crate) struct IdempotentRequest {
     /// Identifier of the token; empty without one.
     pub token_id: String,
     /// The key that the client chose.
@@ -41,7 +41,7 @@ impl Store {
     /// Looks up a submission, or stores a new one.
     pub(crate) async fn submission(
         &self,
-        submission: Submission,
+        submission: IdempotentRequest,
         now: Timestamp,
     ) -> Result<SubmissionState, StoreError> {
         self.writer
@@ -78,7 +78,7 @@ impl Store {
     /// Stores the response to a submission.
     pub(crate) async fn answer_submission(
         &self,
-        submission: Submission,
+        submission: IdempotentRequest,
         answered: StoredResponse,
     ) -> Result<(), StoreError> {
         self.writer
@@ -102,7 +102,7 @@ impl Store {
     }
 
     /// Deletes a refused submission, so that its key may be used again.
-    pub(crate) async fn drop_submission(&self, submission: Submission) -> Result<(), StoreError> {
+    pub(crate) async fn drop_submission(&self, submission: IdempotentRequest) -> Result<(), StoreError> {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {

@@ -110,7 +110,7 @@ impl NewSweep {
 }
 
 /// A sweep that is stored in slices.
-pub(crate) struct Submission {
+pub(crate) struct SlicedSweep {
     batches: JobBatches,
     options: Arc<JobOptions>,
     next: QueueStart,
@@ -193,7 +193,7 @@ impl Store {
         &self,
         sweep: NewSweep,
         now: Timestamp,
-    ) -> Result<Option<Submission>, StoreError> {
+    ) -> Result<Option<SlicedSweep>, StoreError> {
         let NewSweep { head, batches, options } = sweep;
         let (id, options) = (head.id, Arc::new(options));
         self.delete_remains(id).await?;
@@ -207,13 +207,13 @@ impl Store {
                 Ok(Some(QueueStart { queue, ..queue_start(tx, &shared).await? }))
             })
         });
-        Ok(begun.await?.map(|next| Submission { batches, options, next }))
+        Ok(begun.await?.map(|next| SlicedSweep { batches, options, next }))
     }
 
     /// Stores the next jobs of a sweep. Returns false when all are stored and the sweep is visible.
     pub(super) async fn store_slice(
         &self,
-        submission: &mut Submission,
+        submission: &mut SlicedSweep,
         now: Timestamp,
     ) -> Result<bool, StoreError> {
         let seq = submission.next.queue;

@@ -7,7 +7,7 @@ use roost_api::table::TrialRow;
 use super::columns::Columns;
 use super::database::{AssertSqlSafe, Row, query};
 use super::{Store, StoreError};
-use crate::sweep::Response;
+use crate::sweep::SweepResponse;
 
 /// Design point and replicate of a trial.
 pub(crate) type TrialIndex = (u32, u32);
@@ -113,7 +113,7 @@ impl Store {
     }
 
     /// The responses in the results of a sweep, by name.
-    pub(crate) async fn responses(&self, id: SweepId) -> Result<Vec<Response>, StoreError> {
+    pub(crate) async fn responses(&self, id: SweepId) -> Result<Vec<SweepResponse>, StoreError> {
         let rows = query(
             "SELECT e.key, max(CASE WHEN e.type IN ('integer', 'real') THEN 1 ELSE 0 END) AS numbers,
                     max(CASE WHEN e.type IN ('text', 'true', 'false') THEN 1 ELSE 0 END) AS words
@@ -124,13 +124,14 @@ impl Store {
         .fetch_all(&self.readers)
         .await?;
         let response = |row: &Row| {
-            Ok(Response {
+            Ok(SweepResponse {
                 name: row.column("key")?,
                 has_numbers: row.column("numbers")?,
                 has_words: row.column("words")?,
             })
         };
-        let mut responses: Vec<Response> = rows.iter().map(response).collect::<Result<_, StoreError>>()?;
+        let mut responses: Vec<SweepResponse> =
+            rows.iter().map(response).collect::<Result<_, StoreError>>()?;
         // Not by the database, whose order depends on its locale.
         responses.sort_by(|a, b| a.name.cmp(&b.name));
         Ok(responses)

@@ -27,7 +27,7 @@ pub(super) struct Known {
     pub(super) told: u64,
     /// Runs without a jam whose simulated time ended while product was left.
     pub(super) unfinished: u64,
-    pub(super) replicates: Replicates,
+    pub(super) replicates: ReplicateNumbers,
     /// The index of each point with jobs.
     indices: BTreeMap<Point, u32>,
     /// Number of points of the sweep.
@@ -46,9 +46,9 @@ pub(super) struct Copies {
 
 /// Gives each run at a point a replicate of its own.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Replicates(BTreeMap<Point, BTreeSet<u32>>);
+pub(super) struct ReplicateNumbers(BTreeMap<Point, BTreeSet<u32>>);
 
-impl Replicates {
+impl ReplicateNumbers {
     /// The first free replicate at a point, from one on.
     pub(super) fn take(&mut self, point: &Point, from: u32) -> u32 {
         let taken = self.0.entry(point.clone()).or_default();

@@ -2,7 +2,7 @@
 
 use roost_api::table::{PairingGain, ResponseDifference, TrialRow};
 
-use super::replicates::{Replicates, ends, gain};
+use super::replicates::{ReplicateTables, ends, gain};
 
 /// The difference of every response that both points have, second less first, and what pairing did to their intervals. `runs_per_sample` are
 /// the replicates in a row that have the same parameters, if these come from a posterior.
@@ -12,7 +12,7 @@ pub(crate) fn differences(
     runs_per_sample: Option<u32>,
 ) -> (Vec<ResponseDifference>, PairingGain) {
     // Two points are few enough for one pass.
-    let mut replicates = Replicates::new(usize::MAX, runs_per_sample);
+    let mut replicates = ReplicateTables::new(usize::MAX, runs_per_sample);
     replicates.add(from);
     replicates.add(to);
     let both = replicates.finish_pass().0.filter(|response| response.points.len() == 2);

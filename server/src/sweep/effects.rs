@@ -9,7 +9,7 @@ use roost_stats::{ROUNDING, line, rank_correlation, rank_correlation_p_value};
 use serde_json::Value;
 
 use super::levels::position;
-use super::replicates::{Replicates, Response, ends, gain};
+use super::replicates::{ReplicateTables, ResponseTable, ends, gain};
 
 /// Factors with more levels have no means by level.
 const MAX_LEVELS: usize = 12;
@@ -23,7 +23,7 @@ pub(crate) struct Effects {
     factors: Vec<Factor>,
     /// The levels of every factor.
     levels: Vec<Levels>,
-    replicates: Replicates,
+    replicates: ReplicateTables,
     found: Vec<ResponseEffects>,
 }
 
@@ -60,7 +60,7 @@ impl Effects {
     /// Without points. The values of one pass take at most `max_bytes`, or those of one response.
     pub(crate) fn of(factors: Vec<Factor>, max_bytes: usize, runs_per_sample: Option<u32>) -> Self {
         let levels = factors.iter().map(|_| Levels::default()).collect();
-        let replicates = Replicates::new(max_bytes, runs_per_sample);
+        let replicates = ReplicateTables::new(max_bytes, runs_per_sample);
         Self { factors, levels, replicates, found: Vec::new() }
     }
 
@@ -76,7 +76,7 @@ impl Effects {
 
     /// Evaluates the responses of this pass. If it returns false, all points must be added once more.
     pub(crate) fn finish_pass(&mut self) -> bool {
-        let replicates = std::mem::replace(&mut self.replicates, Replicates::new(0, None));
+        let replicates = std::mem::replace(&mut self.replicates, ReplicateTables::new(0, None));
         let (responses, next) = replicates.finish_pass();
         let found: Vec<_> = responses.map(|response| self.response(response)).collect();
         self.found.extend(found);
@@ -97,7 +97,7 @@ impl Effects {
         (effects, gain)
     }
 
-    fn response(&self, response: Response) -> ResponseEffects {
+    fn response(&self, response: ResponseTable) -> ResponseEffects {
         let means = response.table.means();
         let mean = means.iter().sum::<f64>() / means.len() as f64;
         let factors = self.factors.iter().enumerate();
@@ -111,7 +111,7 @@ impl Effects {
         }
     }
 
-    fn effect(&self, index: usize, factor: &Factor, response: &Response, means: &[f64]) -> FactorEffect {
+    fn effect(&self, index: usize, factor: &Factor, response: &ResponseTable, means: &[f64]) -> FactorEffect {
         let levels = &self.levels[index];
         let is_log = factor.scale == Some(Scale::Log);
         let number = |row: &u32| {
@@ -147,7 +147,7 @@ fn slope_weights(xs: &[f64], range: f64) -> Vec<f64> {
 }
 
 /// The mean at each level, sorted if the levels are numbers. Empty for more than [`MAX_LEVELS`] levels.
-fn by_level(levels: &Levels, response: &Response, means: &[f64]) -> Vec<LevelEffect> {
+fn by_level(levels: &Levels, response: &ResponseTable, means: &[f64]) -> Vec<LevelEffect> {
     if levels.groups.is_empty() {
         return Vec::new();
     }

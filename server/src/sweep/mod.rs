@@ -47,7 +47,7 @@ pub use posterior::posterior_columns;
 pub(crate) use posterior::{Posterior, runs_per_sample};
 pub(crate) use schema::json_schema;
 pub(crate) use summary::by_point;
-pub(crate) use table::{Column, Response, csv, of_points, of_trials, text};
+pub(crate) use table::{Column, SweepResponse, csv, of_points, of_trials, text};
 pub(crate) use to_parquet::to_parquet;
 pub(crate) use units::{headline_first, unit_of};
 

@@ -11,7 +11,7 @@ use super::summary::word;
 
 /// Responses of design points. Points of a large sweep are added in batches, and its trials are read in several passes: a pass holds the
 /// first responses by name that fit, and the next pass the following ones.
-pub(super) struct Replicates {
+pub(super) struct ReplicateTables {
     /// Replicates in a row that have the same parameters, if these come from a posterior.
     runs_per_sample: Option<u32>,
     max_bytes: usize,
@@ -41,7 +41,7 @@ struct Rows {
 }
 
 /// One response: numbers, or the share of trials with an event.
-pub(super) struct Response {
+pub(super) struct ResponseTable {
     /// Its name; `name=word` for the share of trials with a word.
     pub(super) name: String,
     /// The points with a value, in the order in which they were added.
@@ -52,7 +52,7 @@ pub(super) struct Response {
     pub(super) kind: Values,
 }
 
-impl Replicates {
+impl ReplicateTables {
     /// Holds as many responses as fit into this memory, and at least one.
     pub(super) fn new(max_bytes: usize, runs_per_sample: Option<u32>) -> Self {
         Self {
@@ -123,7 +123,7 @@ impl Replicates {
     }
 
     /// The responses of this pass by name, one after the other, and the next pass if there are more.
-    pub(super) fn finish_pass(self) -> (impl Iterator<Item = Response>, Option<Self>) {
+    pub(super) fn finish_pass(self) -> (impl Iterator<Item = ResponseTable>, Option<Self>) {
         let last = self.columns.last_key_value().map(|(name, _)| name.clone());
         let runs = self.runs_per_sample;
         let next = self.before.map(|_| Self { after: last, ..Self::new(self.max_bytes, runs) });
@@ -132,7 +132,7 @@ impl Replicates {
 }
 
 impl Column {
-    fn responses(self, name: String, runs_per_sample: Option<u32>) -> impl Iterator<Item = Response> {
+    fn responses(self, name: String, runs_per_sample: Option<u32>) -> impl Iterator<Item = ResponseTable> {
         let Self { mut numbers, vocabulary, mut words } = self;
         if let Some(runs) = runs_per_sample {
             numbers.table = numbers.table.with_samples(runs);
@@ -140,13 +140,13 @@ impl Column {
         }
         let kind = if is_indicator(&name) { Values::Events } else { Values::Numbers };
         let of_words = name.clone();
-        let numbers = (!numbers.points.is_empty()).then_some(Response {
+        let numbers = (!numbers.points.is_empty()).then_some(ResponseTable {
             name,
             points: numbers.points,
             table: numbers.table,
             kind,
         });
-        let words = vocabulary.into_iter().enumerate().map(move |(place, word)| Response {
+        let words = vocabulary.into_iter().enumerate().map(move |(place, word)| ResponseTable {
             name: format!("{of_words}={word}"),
             points: words.points.clone(),
             table: words.table.map(|value| f64::from(u8::from(value == place as f64))),
@@ -167,7 +167,7 @@ impl Rows {
     }
 }
 
-impl Response {
+impl ResponseTable {
     /// How intervals of its contrasts use common seeds.
     pub(super) fn pairing(&self) -> Pairing {
         match self.table.pairing(self.kind) {
@@ -246,7 +246,7 @@ mod tests {
             (750, vec![vec!["a", "b"], vec!["c=word", "d"]]),
             (1, vec![vec!["a"], vec!["b"], vec!["c=word"], vec!["d"]]),
         ] {
-            let mut pass = Some(Replicates::new(max_bytes, None));
+            let mut pass = Some(ReplicateTables::new(max_bytes, None));
             let mut found = Vec::new();
             while let Some(mut replicates) = pass {
                 for index in 0..10 {
@@ -254,7 +254,7 @@ mod tests {
                     assert!(replicates.bytes <= max_bytes.max(360), "{} bytes", replicates.bytes);
                 }
                 let (responses, next) = replicates.finish_pass();
-                let responses: Vec<Response> = responses.collect();
+                let responses: Vec<ResponseTable> = responses.collect();
                 assert!(responses.iter().all(|of| of.points == (0..10).collect::<Vec<_>>()));
                 found.push(responses.into_iter().map(|of| of.name).collect::<Vec<_>>());
                 pass = next;

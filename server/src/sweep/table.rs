@@ -76,7 +76,7 @@ impl Column {
 
 /// The types of values of a response in a sweep.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Response {
+pub(crate) struct SweepResponse {
     /// Its name.
     pub(crate) name: String,
     /// Whether some values are numbers.
@@ -89,7 +89,7 @@ pub(crate) struct Response {
 pub(crate) fn of_trials(
     factors: &[String],
     parameters: &[String],
-    responses: &[Response],
+    responses: &[SweepResponse],
     trials: &[TrialRow],
 ) -> Vec<Column> {
     let each = |of: fn(&TrialRow) -> Value| trials.iter().map(of);
@@ -111,7 +111,7 @@ pub(crate) fn of_trials(
         Column::new("backend", ColumnKind::Text, each(|trial| json!(trial.backend))),
         Column::new("solver_revision", ColumnKind::Integer, each(|trial| json!(trial.solver_revision))),
     ]);
-    columns.extend(responses.iter().map(|Response { name, .. }| {
+    columns.extend(responses.iter().map(|SweepResponse { name, .. }| {
         Column::of(name, trials.iter().map(|trial| trial.responses.get(name).cloned().unwrap_or_default()))
     }));
     columns
@@ -138,7 +138,7 @@ const INPUT: [SummaryColumn; 2] = [
 /// `name.words`, as JSON. If parameters were drawn from a posterior, `name.input_deviation` and `name.chance_deviation`.
 pub(crate) fn of_points(
     factors: &[String],
-    responses: &[Response],
+    responses: &[SweepResponse],
     points: &[PointRow],
     is_drawn: bool,
 ) -> Vec<Column> {
@@ -153,7 +153,7 @@ pub(crate) fn of_points(
         Column::new("failed", ColumnKind::Integer, each(|row| json!(row.counts.failed))),
         Column::new("unstable", ColumnKind::Integer, each(|row| json!(row.unstable))),
     ]);
-    for Response { name, has_numbers, has_words } in responses {
+    for SweepResponse { name, has_numbers, has_words } in responses {
         let (has_numbers, has_words) = (*has_numbers, *has_words);
         let summaries = || points.iter().map(|row| row.responses.get(name));
         for (end, value) in SUMMARY.into_iter().take(if has_numbers || !has_words { 5 } else { 1 }) {

@@ -53,7 +53,8 @@ pub(crate) fn unit_of(column: &str, experiment: Option<&str>) -> ColumnUnit {
         return ColumnUnit { unit: String::new(), meaning: (*meaning).to_owned() };
     }
     let outputs = experiment.and_then(outputs_of);
-    let unit = |response: Option<Response>| response.map_or("", |response| response.unit).to_owned();
+    let unit =
+        |response: Option<Response>| response.map_or("", |response| response.unit).to_owned();
     let doc = |response: Option<Response>| response.map_or("", |response| response.doc);
     let summary = column.rsplit_once('.').and_then(|(name, end)| {
         SUMMARIES.iter().find(|(known, _)| *known == end).map(|(_, meaning)| (name, end, *meaning))
@@ -70,9 +71,9 @@ pub(crate) fn unit_of(column: &str, experiment: Option<&str>) -> ColumnUnit {
 }
 
 /// Sorts responses: those of short tables first, in the order of the table of responses, then the others as they are.
-pub(crate) fn headline_first(responses: &mut [super::Response], experiment: Option<&str>) {
+pub(crate) fn headline_first(responses: &mut [super::SweepResponse], experiment: Option<&str>) {
     let outputs = experiment.and_then(outputs_of);
-    let rank = |response: &super::Response| {
+    let rank = |response: &super::SweepResponse| {
         let own =
             outputs.and_then(|outputs| outputs.responses.iter().position(|row| row.name == response.name));
         let is_headline = response_of(&response.name, outputs).is_some_and(|row| row.headline);

@@ -123,7 +123,7 @@ async fn attend(
                 Ok(_) => router.call(request.map(|body| patient(body, timeouts.body))).await,
                 Err(refused) => Ok(busy(refused.limit)),
             };
-            response.map(|response| response.map(|body| Answer { body, _permit: permit.ok() }))
+            response.map(|response| response.map(|body| PermittedBody { body, _permit: permit.ok() }))
         }
     });
     let mut http = http1::Builder::new();
@@ -187,12 +187,12 @@ fn busy(limit: usize) -> Response {
 }
 
 /// The body of an answer, which holds the permit until hyper has taken its last part.
-struct Answer {
+struct PermittedBody {
     body: Body,
     _permit: Option<AnswerPermit>,
 }
 
-impl HttpBody for Answer {
+impl HttpBody for PermittedBody {
     type Data = Bytes;
     type Error = axum::Error;
 

@@ -17,7 +17,7 @@ pub(super) const LOST_ATTEMPTS: u32 = 2;
 
 /// The effect of a write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Answer {
+pub(super) enum WriteEffect {
     Recorded,
     Repeat,
     Refused,
@@ -106,30 +106,30 @@ impl Job {
     }
 
     /// The effect of a write of this attempt.
-    fn fence(&self, number: u32, worker: WorkerId, outcome: AttemptOutcome) -> Answer {
+    fn fence(&self, number: u32, worker: WorkerId, outcome: AttemptOutcome) -> WriteEffect {
         let attempt = &self.attempts[number as usize - 1];
         if attempt.worker != worker {
-            return Answer::Refused;
+            return WriteEffect::Refused;
         }
         match attempt.outcome {
             Some(AttemptOutcome::Lost) | None => {
                 let current = number == self.newest() && !self.state.is_ended();
-                if current { Answer::Recorded } else { Answer::Refused }
+                if current { WriteEffect::Recorded } else { WriteEffect::Refused }
             }
-            Some(before) if before == outcome => Answer::Repeat,
+            Some(before) if before == outcome => WriteEffect::Repeat,
             // An attempt without a checkpoint is recorded as released.
             Some(AttemptOutcome::Released | AttemptOutcome::Preempted)
                 if matches!(outcome, AttemptOutcome::Released | AttemptOutcome::Preempted) =>
             {
-                Answer::Repeat
+                WriteEffect::Repeat
             }
-            Some(_) => Answer::Refused,
+            Some(_) => WriteEffect::Refused,
         }
     }
 
     /// Whether an attempt may write. Without a report, it counts like a lost one.
     pub(super) fn may_write(&self, number: u32, worker: WorkerId) -> bool {
-        self.fence(number, worker, AttemptOutcome::Lost) == Answer::Recorded
+        self.fence(number, worker, AttemptOutcome::Lost) == WriteEffect::Recorded
     }
 
     fn end(&mut self, state: JobState, class: Option<FailureClass>) {
@@ -140,9 +140,9 @@ impl Job {
     }
 
     /// A worker reports the end of its attempt.
-    pub(super) fn report(&mut self, number: u32, worker: WorkerId, outcome: AttemptOutcome) -> Answer {
+    pub(super) fn report(&mut self, number: u32, worker: WorkerId, outcome: AttemptOutcome) -> WriteEffect {
         let answer = self.fence(number, worker, outcome);
-        if answer != Answer::Recorded {
+        if answer != WriteEffect::Recorded {
             return answer;
         }
         let failed = |class| (JobState::Failed, Some(class));
@@ -155,7 +155,9 @@ impl Job {
             AttemptOutcome::Invalid => failed(FailureClass::Invalid),
             AttemptOutcome::Unstable => failed(FailureClass::Unstable),
             AttemptOutcome::Timeout => failed(FailureClass::Timeout),
-            AttemptOutcome::Cancelled | AttemptOutcome::Lost if !self.cancelling => return Answer::Refused,
+            AttemptOutcome::Cancelled | AttemptOutcome::Lost if !self.cancelling => {
+                return WriteEffect::Refused;
+            }
             _ if self.cancelling => (JobState::Cancelled, None),
             AttemptOutcome::Worker if self.count(outcome) + 1 >= WORKER_ATTEMPTS => {
                 failed(FailureClass::Worker)
@@ -164,13 +166,13 @@ impl Job {
         };
         self.attempts[number as usize - 1].outcome = Some(outcome);
         self.end(state, class);
-        Answer::Recorded
+        WriteEffect::Recorded
     }
 
     /// A result of another solver changes nothing. A repeat is answered as usual.
-    pub(super) fn forge(&self, number: u32, worker: WorkerId) -> Answer {
+    pub(super) fn forge(&self, number: u32, worker: WorkerId) -> WriteEffect {
         match self.fence(number, worker, AttemptOutcome::Succeeded) {
-            Answer::Recorded => Answer::Refused,
+            WriteEffect::Recorded => WriteEffect::Refused,
             other => other,
         }
     }

@@ -103,7 +103,7 @@ fn mean_of_an_indicator_is_a_share_with_its_interval() {
     let single = &by_point(&trials[..1], None)[0].responses["jammed"];
     near(single.low_95, &json!(0.20654931437723745));
     assert_eq!(single.high_95, Some(1.0));
-    let responses = [Response { name: "jammed".to_owned(), has_numbers: true, has_words: false }];
+    let responses = [SweepResponse { name: "jammed".to_owned(), has_numbers: true, has_words: false }];
     let csv = table_csv(&of_points(&[], &responses, std::slice::from_ref(row), false));
     let head = "jammed.n,jammed.mean,jammed.standard_deviation,jammed.low_95,jammed.high_95";
     assert!(csv.lines().next().unwrap().ends_with(head), "{csv}");
@@ -249,7 +249,7 @@ fn a_parquet_file_equals_the_table() {
         trial.parameters.insert("/p".to_owned(), json!(drawn));
     }
     let (names, drawn) = (["/a".to_owned(), "/w".to_owned()], ["/p".to_owned()]);
-    let response = |(name, has_numbers, has_words): (&str, bool, bool)| Response {
+    let response = |(name, has_numbers, has_words): (&str, bool, bool)| SweepResponse {
         name: name.to_owned(),
         has_numbers,
         has_words,
@@ -323,7 +323,7 @@ fn every_column_has_a_meaning_and_the_unit_of_its_name() {
     let responses: Vec<_> = outputs
         .responses
         .iter()
-        .map(|row| Response { name: row.name.to_owned(), has_numbers: true, has_words: true })
+        .map(|row| SweepResponse { name: row.name.to_owned(), has_numbers: true, has_words: true })
         .collect();
     let names = ["/equipment/gate_opening_m".to_owned()];
     let trials = of_trials(&names, &[], &responses, &[]);

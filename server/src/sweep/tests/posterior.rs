@@ -71,7 +71,7 @@ fn intervals_include_parameter_uncertainty() {
             > 3.0 * (plain.high_95.unwrap() - plain.low_95.unwrap())
     );
     let names = ["y".to_owned()];
-    let response = Response { name: names[0].clone(), has_numbers: true, has_words: false };
+    let response = SweepResponse { name: names[0].clone(), has_numbers: true, has_words: false };
     let table = of_points(&[], &[response], &by_point(&trials, Some(2)), true);
     let table = table_csv(&table);
     assert!(

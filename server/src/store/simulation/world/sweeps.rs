@@ -9,7 +9,7 @@ use super::super::turns::OWNERS;
 use super::{SCENARIOS, World, fill_of};
 use crate::store::database::{query_as, query_scalar};
 use crate::store::deletion::mark_leftovers;
-use crate::store::submit::{NewSweep, Submission};
+use crate::store::submit::{NewSweep, SlicedSweep};
 use crate::sweep::Trial;
 
 /// A sweep that is being submitted.
@@ -19,7 +19,7 @@ pub(super) struct SimulatedSubmission {
     owner: &'static str,
     /// The scenario of each job.
     scenarios: Vec<usize>,
-    stored: Submission,
+    stored: SlicedSweep,
 }
 
 impl World<'_> {

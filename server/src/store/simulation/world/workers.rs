@@ -8,7 +8,7 @@ use roost_api::time::Timestamp;
 use roost_solver::SOLVER_REVISION;
 use uuid::Uuid;
 
-use super::super::model::{Answer, Job, LEASE_MS, Waiting};
+use super::super::model::{Job, LEASE_MS, Waiting, WriteEffect};
 use super::{DEVICE, LEASE, Report, SCENARIOS, Worker, World};
 use crate::queue::{Provenance, Refusal, Verdict};
 use crate::store::claims::Claim;
@@ -306,10 +306,10 @@ impl World<'_> {
         for (report, answer) in reports.iter().zip(answers.await) {
             let Report { job, attempt, worker, outcome, forged } = *report;
             let answer = match answer.unwrap() {
-                Ok(Verdict::Record(_)) => Answer::Recorded,
-                Ok(Verdict::Repeat) => Answer::Repeat,
+                Ok(Verdict::Record(_)) => WriteEffect::Recorded,
+                Ok(Verdict::Repeat) => WriteEffect::Repeat,
                 Err(Refusal::NoJob | Refusal::NoAttempt | Refusal::OtherScenario) => panic!("{report:?}"),
-                Err(_) => Answer::Refused,
+                Err(_) => WriteEffect::Refused,
             };
             self.steps.push(format!("{report:?}: {answer:?}"));
             let model = self.model.jobs.get_mut(&job).unwrap();
