@@ -22,7 +22,7 @@ pub use compression::{Compression, CompressionSample, StressStrain, modulus_pa};
 pub use curve::{RATE_WINDOW_S, known_mass_rates, mass_rate};
 pub use discharge::{Discharge, DischargeResponses};
 pub use jam::{Jam, Passages, has_stopped};
-pub use recorder::{Clock, Recorder, Recording, SavedSamples, SeriesId};
+pub use recorder::{Clock, RecordedSeries, Recorder, SavedSamples, SeriesId};
 pub use regime::Regime;
 pub use residence::{Residence, ResidenceTimes};
 pub use rest::{REST_DURATION_S, RestDetector};

@@ -22,7 +22,7 @@ pub struct SeriesId(usize);
 
 /// One series.
 #[derive(Clone, Debug)]
-pub struct Recording {
+pub struct RecordedSeries {
     name: String,
     unit: String,
     clock: Clock,
@@ -32,7 +32,7 @@ pub struct Recording {
     values: Vec<f64>,
 }
 
-impl Recording {
+impl RecordedSeries {
     /// Name, such as `discharged_mass`.
     pub fn name(&self) -> &str {
         &self.name
@@ -70,14 +70,14 @@ pub struct Recorder {
     t0_s: Option<f64>,
     simulated_s: f64,
     belt_s: f64,
-    recordings: Vec<Recording>,
+    recordings: Vec<RecordedSeries>,
 }
 
 impl Recorder {
     /// The samples, without names and units.
     pub fn save(&self) -> SavedSamples {
-        let samples = |recording: &Recording| {
-            let Recording { simulated_s, belt_s, values, .. } = recording;
+        let samples = |recording: &RecordedSeries| {
+            let RecordedSeries { simulated_s, belt_s, values, .. } = recording;
             [simulated_s.clone(), belt_s.clone(), values.clone()]
         };
         SavedSamples {
@@ -91,7 +91,7 @@ impl Recorder {
     /// Takes over the samples of a recorder with the same series. Returns whether they are such.
     #[must_use]
     pub fn restore(&mut self, saved: SavedSamples) -> bool {
-        let fits = |(recording, [simulated_s, belt_s, values]): (&Recording, &[Vec<f64>; 3])| {
+        let fits = |(recording, [simulated_s, belt_s, values]): (&RecordedSeries, &[Vec<f64>; 3])| {
             let belt_count = if recording.clock == Clock::Belt { values.len() } else { 0 };
             simulated_s.len() == values.len() && belt_s.len() == belt_count
         };
@@ -109,7 +109,7 @@ impl Recorder {
 
     /// Adds a series without samples. Results list series in this order.
     pub fn add(&mut self, name: impl Into<String>, unit: &str, clock: Clock) -> SeriesId {
-        self.recordings.push(Recording {
+        self.recordings.push(RecordedSeries {
             name: name.into(),
             unit: unit.to_owned(),
             clock,
@@ -161,7 +161,7 @@ impl Recorder {
     }
 
     /// All series, in their order.
-    pub fn recordings(&self) -> &[Recording] {
+    pub fn recordings(&self) -> &[RecordedSeries] {
         &self.recordings
     }
 
@@ -183,7 +183,7 @@ impl Recorder {
     /// All series over belt time. While t = 0 is unknown, times end at 0.
     pub fn series(&self) -> Vec<Series> {
         let t0_s = self.t0_s.unwrap_or(self.simulated_s);
-        let series = |recording: &Recording| Series {
+        let series = |recording: &RecordedSeries| Series {
             name: recording.name.clone(),
             unit: recording.unit.clone(),
             t_s: match recording.clock {
