@@ -1,7 +1,7 @@
 //! Unit and meaning of each column of a result table.
 
 use roost_api::quantity::Quantity;
-use roost_solver::experiments::{Outputs, Response, ResponseType, all_responses, outputs_of};
+use roost_solver::experiments::{Outputs, ResponseDefinition, ResponseType, all_responses, outputs_of};
 use roost_solver::scenario::fields;
 
 /// Columns that every table has, and their meanings.
@@ -54,8 +54,8 @@ pub(crate) fn unit_of(column: &str, experiment: Option<&str>) -> ColumnUnit {
     }
     let outputs = experiment.and_then(outputs_of);
     let unit =
-        |response: Option<Response>| response.map_or("", |response| response.unit).to_owned();
-    let doc = |response: Option<Response>| response.map_or("", |response| response.doc);
+        |response: Option<ResponseDefinition>| response.map_or("", |response| response.unit).to_owned();
+    let doc = |response: Option<ResponseDefinition>| response.map_or("", |response| response.doc);
     let summary = column.rsplit_once('.').and_then(|(name, end)| {
         SUMMARIES.iter().find(|(known, _)| *known == end).map(|(_, meaning)| (name, end, *meaning))
     });
@@ -83,7 +83,7 @@ pub(crate) fn headline_first(responses: &mut [super::SweepResponse], experiment:
 }
 
 /// The response of a name in an experiment, or else in any.
-fn response_of(name: &str, outputs: Option<&'static Outputs>) -> Option<Response> {
+fn response_of(name: &str, outputs: Option<&'static Outputs>) -> Option<ResponseDefinition> {
     let own = outputs.and_then(|outputs| outputs.responses.iter().find(|row| row.name == name).copied());
     own.or_else(|| {
         all_responses().into_iter().find(|shared| shared.row.name == name).map(|shared| shared.row)

@@ -26,8 +26,8 @@ mod warnings;
 pub use bodies::{bounds_on_timestep, timestep_s};
 pub use definition::Definition;
 pub use outputs::{
-    CurveRow, Outputs, Response, ResponseType, SeriesRow, Shared, all_curves, all_responses, all_series,
-    is_indicator, output_tables_markdown, outputs, outputs_of, overview_markdown, response_names,
+    CurveRow, Outputs, ResponseDefinition, ResponseType, SeriesRow, Shared, all_curves, all_responses,
+    all_series, is_indicator, output_tables_markdown, outputs, outputs_of, overview_markdown, response_names,
 };
 pub use setup::{Setup, plan};
 pub use warnings::{

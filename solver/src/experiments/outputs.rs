@@ -38,7 +38,7 @@ impl ResponseType {
 
 /// A response: a number, an indicator, a word, or true or false. A response that was not reached is null.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Response {
+pub struct ResponseDefinition {
     /// Name, with its unit last.
     pub name: &'static str,
     /// Unit; empty without one.
@@ -87,28 +87,28 @@ pub struct CurveRow {
 #[derive(Clone, Copy, Debug)]
 pub struct Outputs {
     /// Every response that a run returns, whatever its options and its end. A cancelled run has none.
-    pub responses: &'static [Response],
+    pub responses: &'static [ResponseDefinition],
     /// Every series.
     pub series: &'static [SeriesRow],
     /// Every curve.
     pub curves: &'static [CurveRow],
 }
 
-pub(super) const fn number(name: &'static str, unit: &'static str, doc: &'static str) -> Response {
-    Response { name, unit, kind: ResponseType::Number, doc, headline: false }
+pub(super) const fn number(name: &'static str, unit: &'static str, doc: &'static str) -> ResponseDefinition {
+    ResponseDefinition { name, unit, kind: ResponseType::Number, doc, headline: false }
 }
 
 /// 1 if an event happened, else 0.
-pub(super) const fn indicator(name: &'static str, doc: &'static str) -> Response {
-    Response { name, unit: "", kind: ResponseType::Indicator, doc, headline: false }
+pub(super) const fn indicator(name: &'static str, doc: &'static str) -> ResponseDefinition {
+    ResponseDefinition { name, unit: "", kind: ResponseType::Indicator, doc, headline: false }
 }
 
-pub(super) const fn boolean(name: &'static str, doc: &'static str) -> Response {
-    Response { name, unit: "", kind: ResponseType::Boolean, doc, headline: false }
+pub(super) const fn boolean(name: &'static str, doc: &'static str) -> ResponseDefinition {
+    ResponseDefinition { name, unit: "", kind: ResponseType::Boolean, doc, headline: false }
 }
 
-pub(super) const fn word(name: &'static str, doc: &'static str) -> Response {
-    Response { name, unit: "", kind: ResponseType::Word, doc, headline: false }
+pub(super) const fn word(name: &'static str, doc: &'static str) -> ResponseDefinition {
+    ResponseDefinition { name, unit: "", kind: ResponseType::Word, doc, headline: false }
 }
 
 /// A series from t = 0 on.
@@ -125,7 +125,7 @@ pub(super) const fn curve(
     CurveRow { name, unit, over, over_unit, doc, headline: false }
 }
 
-impl Response {
+impl ResponseDefinition {
     pub(super) const fn headline(self) -> Self {
         Self { headline: true, ..self }
     }
@@ -150,28 +150,28 @@ impl CurveRow {
     }
 }
 
-pub(super) const BONDS_INTACT_FRACTION: Response = number(
+pub(super) const BONDS_INTACT_FRACTION: ResponseDefinition = number(
     "bonds_intact_fraction",
     "",
     "Share of unbroken bonds among all bonds. A bond that was unbroken when one of its sub-particles left the simulation counts as \
      unbroken until the end.",
 );
-pub(super) const MAX_OVERLAP_RATIO: Response = number(
+pub(super) const MAX_OVERLAP_RATIO: ResponseDefinition = number(
     "max_overlap_ratio",
     "",
     "Maximum overlap of two sub-particles that no bond joins, divided by R. The maximum covers the whole simulation. The overlap is the \
      distance by which the two spheres penetrate each other. The ratio can exceed 1 while fillets drop onto each other.",
 );
-pub(super) const KINETIC_ENERGY_END_J: Response =
+pub(super) const KINETIC_ENERGY_END_J: ResponseDefinition =
     number("kinetic_energy_end_j", "J", "Kinetic energy of all bodies at the end of the simulation.");
-pub(super) const ESCAPED_KG: Response = number(
+pub(super) const ESCAPED_KG: ResponseDefinition = number(
     "escaped_kg",
     "kg",
     "Mass that left the simulated space (a box around all bodies and surfaces), for example fragments (broken parts of fillets), or \
      fillets that fell beside the equipment. In a hopper, mass that passed the gate does not count. If no body should leave the simulated \
      space, this mass is 0 in a correct simulation.",
 );
-pub(super) const PASSED_THROUGH: Response = number(
+pub(super) const PASSED_THROUGH: ResponseDefinition = number(
     "passed_through",
     "",
     "Number of times that a sub-particle went through a surface to the other side of this surface. A sub-particle that moves \
@@ -251,7 +251,7 @@ fn merged<T: Copy + PartialEq + 'static>(rows: impl Fn(&Outputs) -> &'static [T]
 }
 
 /// The responses of all experiments.
-pub fn all_responses() -> Vec<Shared<Response>> {
+pub fn all_responses() -> Vec<Shared<ResponseDefinition>> {
     merged(|outputs| outputs.responses)
 }
 

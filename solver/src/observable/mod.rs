@@ -10,7 +10,7 @@ mod tests;
 
 use std::fmt;
 
-use crate::experiments::{Outputs, Response, ResponseType};
+use crate::experiments::{Outputs, ResponseDefinition, ResponseType};
 use crate::result::{EndReason, RunResult};
 use crate::scenario::field::unit_suffix;
 pub use line::{Axis, Line, lines};
@@ -22,7 +22,7 @@ const FINAL_MASSES: &[&str] = &["discharged_mass", "inside_mass"];
 #[derive(Clone, Debug, PartialEq)]
 pub enum Observable {
     /// A response that is a number, an indicator, or true or false.
-    Response(&'static Response),
+    Response(&'static ResponseDefinition),
     /// A quantity at a place of a curve or series.
     Point {
         /// The curve or series.
@@ -35,7 +35,8 @@ pub enum Observable {
 impl Observable {
     /// The response of that name; none if the experiment has no such response, or if it is a word.
     pub fn response(outputs: &'static Outputs, name: &str) -> Option<Self> {
-        let is_number = |response: &&Response| response.name == name && response.kind != ResponseType::Word;
+        let is_number =
+            |response: &&ResponseDefinition| response.name == name && response.kind != ResponseType::Word;
         outputs.responses.iter().find(is_number).map(Self::Response)
     }
 

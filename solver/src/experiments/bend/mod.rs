@@ -13,7 +13,7 @@ mod scene;
 
 use super::outputs::{BONDS_INTACT, BONDS_INTACT_FRACTION, KINETIC_ENERGY, boolean, number, series};
 use super::warnings::{WARNING_CODES, WARNING_COUNT};
-use super::{Definition, Outputs, Response, SeriesRow, Setup};
+use super::{Definition, Outputs, ResponseDefinition, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::Scene;
 use crate::scenario::{Bend, Fault, Numerics, Scenario};
@@ -22,7 +22,7 @@ use crate::scenario::{Bend, Fault, Numerics, Scenario};
 const SINKING_M_S: f64 = 0.1;
 
 #[rustfmt::skip]
-const RESPONSES: &[Response] = &[
+const RESPONSES: &[ResponseDefinition] = &[
     number("bend_angle_deg", "°",
         "Mean bend angle after the fillet came to rest. If the fillet did not come to rest, the response is the mean bend angle over the \
          last second. If the fillet fell off or tore, the response is the maximum bend angle before this event.").headline(),

@@ -16,7 +16,7 @@ use serde_json::{Value, json};
 use super::bodies::body_kind;
 use super::outputs::{BONDS_INTACT, BONDS_INTACT_FRACTION, KINETIC_ENERGY, curve, number, series};
 use super::warnings::{WARNING_CODES, WARNING_COUNT};
-use super::{CurveRow, Definition, Outputs, Response, SeriesRow, Setup};
+use super::{CurveRow, Definition, Outputs, ResponseDefinition, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::{BodyKind, Placement, Scene};
 use crate::equipment::{Motion, Surface, SurfaceKind};
@@ -33,7 +33,7 @@ const PLATE_RIM: f64 = 0.5;
 const MARGIN_M: f64 = 0.1;
 
 #[rustfmt::skip]
-const RESPONSES: &[Response] = &[
+const RESPONSES: &[ResponseDefinition] = &[
     number("modulus_pa", "Pa",
         "Elastic modulus of the block: the slope of a straight line through the curve of stress over strain. The line covers the strains \
          from `modulus_from_strain` to `modulus_to_strain`. The strain comes from the distance between the plates. Null if fewer than \

@@ -19,7 +19,7 @@ use super::outputs::{
     PASSED_THROUGH, curve, number, series,
 };
 use super::warnings::{WARNING_CODES, WARNING_COUNT};
-use super::{CurveRow, Definition, Outputs, Response, SeriesRow, Setup};
+use super::{CurveRow, Definition, Outputs, ResponseDefinition, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::Scene;
 use crate::scenario::{Drop, Numerics, Scenario};
@@ -28,7 +28,7 @@ use crate::scenario::{Drop, Numerics, Scenario};
 const USUAL_DROP_S: f64 = 1.5;
 
 #[rustfmt::skip]
-const RESPONSES: &[Response] = &[
+const RESPONSES: &[ResponseDefinition] = &[
     BONDS_INTACT_FRACTION.headline(),
     number("settle_time_s", "s",
         "Mean settle time of all fillets. The settle time of a fillet is the time from its first contact with the plate until the fillet \

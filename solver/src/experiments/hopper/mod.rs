@@ -23,7 +23,7 @@ use super::outputs::{
 };
 use super::placement::Floor;
 use super::warnings::{WARNING_CODES, WARNING_COUNT};
-use super::{CurveRow, Definition, Outputs, Response, SeriesRow, Setup};
+use super::{CurveRow, Definition, Outputs, ResponseDefinition, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::{BodyKind, Scene};
 use crate::scenario::{Equipment, Fault, Numerics, Scenario, SideWalls};
@@ -34,7 +34,7 @@ const GONE_BEYOND_M: f64 = 0.25;
 const USUAL_SHARE: f64 = 0.6;
 
 #[rustfmt::skip]
-const RESPONSES: &[Response] = &[
+const RESPONSES: &[ResponseDefinition] = &[
     word("regime",
         "Kind of discharge, from the ratio q (the response `lowest_rate_ratio`). `no_flow`: q is below 0.15, and less than 95 % of the \
          filled mass is out. `inconsistent` (uneven): q is below 0.55, and the regime is not `no_flow`. `constant`: q is 0.55 or more. \

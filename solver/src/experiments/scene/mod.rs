@@ -17,13 +17,13 @@ use super::outputs::{
 use super::placement::orientation;
 use super::surfaces::{extent, surfaces};
 use super::warnings::{WARNING_CODES, WARNING_COUNT};
-use super::{CurveRow, Definition, Outputs, Response, SeriesRow, Setup};
+use super::{CurveRow, Definition, Outputs, ResponseDefinition, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::{BodyKind, Placement, Scene};
 use crate::scenario::{Fault, FreeScene, Scenario};
 
 #[rustfmt::skip]
-const RESPONSES: &[Response] = &[
+const RESPONSES: &[ResponseDefinition] = &[
     number("time_to_rest_s", "s",
         "Time at which all bodies came to rest. From this time to the end, 99.9 % of the sub-particles are slower than `rest_speed_m_s`. \
          This state must last for at least 0.1 s, or for longer if gravity is weak. Null if the bodies did not come to rest.").headline(),

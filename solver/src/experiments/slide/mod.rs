@@ -15,7 +15,7 @@ use rand_chacha::rand_core::SeedableRng;
 use super::outputs::{BONDS_INTACT, BONDS_INTACT_FRACTION, KINETIC_ENERGY, boolean, number, series};
 use super::placement::{height_over_plate, orientation, uniform};
 use super::warnings::{WARNING_CODES, WARNING_COUNT};
-use super::{Definition, Outputs, Response, SeriesRow, Setup};
+use super::{Definition, Outputs, ResponseDefinition, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::{Placement, Scene};
 use crate::equipment::{Motion, Surface, SurfaceKind};
@@ -27,7 +27,7 @@ const SLIDING_M: f64 = 0.5;
 const MARGIN_M: f64 = 0.1;
 
 #[rustfmt::skip]
-const RESPONSES: &[Response] = &[
+const RESPONSES: &[ResponseDefinition] = &[
     number("critical_angle_deg", "°",
         "Tilt of the plate at which the fillet begins to slide and does not stop again. Rolling also counts as sliding. Null if the \
          fillet did not slide at any tilt up to `max_tilt_deg`.").headline(),

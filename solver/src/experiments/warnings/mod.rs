@@ -10,7 +10,7 @@ mod tests;
 
 use serde_json::Value;
 
-use super::outputs::{Response, line, number, word};
+use super::outputs::{ResponseDefinition, line, number, word};
 use crate::result::Warning;
 pub use responses::of_responses;
 pub use scenario::of_scenario;
@@ -159,14 +159,14 @@ pub const ALL_WARNINGS: &[&WarningKind] = &[
 ];
 
 /// The number of warnings, as a response of every experiment.
-pub(super) const WARNING_COUNT: Response = number(
+pub(super) const WARNING_COUNT: ResponseDefinition = number(
     "warning_count",
     "",
     "Number of warnings. The field `warnings` of the result document lists the warnings.",
 );
 
 /// The codes of the warnings, as a response of every experiment: tables of many jobs count the words of a response.
-pub(super) const WARNING_CODES: Response = word(
+pub(super) const WARNING_CODES: ResponseDefinition = word(
     "warning_codes",
     "Codes of the warnings, separated by commas. If there are no warnings, the response is `none`. The field `warnings` of the result \
      document has the messages of the warnings.",
