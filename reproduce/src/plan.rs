@@ -6,7 +6,7 @@ use anyhow::{Result, anyhow};
 use clap::ValueEnum;
 use roost_solver::mesh::Meshes;
 use roost_solver::{Limits, check, scenario};
-use roost_stats::Replicates;
+use roost_stats::ReplicateValues;
 use serde_json::{Value, json};
 
 use crate::picture::Shot;
@@ -119,13 +119,13 @@ impl<'a> Results<'a> {
     }
 
     /// A value of every sound run of a name that has it.
-    pub(crate) fn values(&self, name: &str, value: impl Fn(&Record) -> Option<f64>) -> Replicates {
+    pub(crate) fn values(&self, name: &str, value: impl Fn(&Record) -> Option<f64>) -> ReplicateValues {
         let values = self.sound_records(name).into_iter().filter_map(value);
-        Replicates { values: values.collect(), planned: self.planned(name) }
+        ReplicateValues { values: values.collect(), planned: self.planned(name) }
     }
 
     /// A response of every sound run of a name that has it.
-    pub(crate) fn response(&self, name: &str, response: &str) -> Replicates {
+    pub(crate) fn response(&self, name: &str, response: &str) -> ReplicateValues {
         self.values(name, |record| record.response(response))
     }
 

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use roost_stats::{Difference, Replicates, Sample};
+use roost_stats::{Difference, ReplicateValues, Sample};
 use roost_terminal::format::significant;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -131,7 +131,7 @@ impl Row {
     }
 
     /// Sets the mean over replicates, with a note if some of them have no value.
-    pub(crate) fn replicates(self, replicates: &Replicates) -> Self {
+    pub(crate) fn replicates(self, replicates: &ReplicateValues) -> Self {
         let (reached, planned) = (replicates.values.len(), replicates.planned);
         let row = Self { is_partial: reached < planned, ..self.values(&replicates.values) };
         if row.is_partial {
@@ -219,7 +219,7 @@ mod tests {
 
     #[test]
     fn replicates_without_a_value_are_noted_and_meet_no_demand() {
-        let replicates = |planned| Replicates { values: vec![1.0, 2.0], planned };
+        let replicates = |planned| ReplicateValues { values: vec![1.0, 2.0], planned };
         assert_eq!(row().replicates(&replicates(2)).note, "");
         let row = row().replicates(&replicates(3)).note("and more");
         assert_eq!((row.n, &*row.note), (2, "only 2 of 3 simulations have a value; and more"));

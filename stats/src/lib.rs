@@ -24,5 +24,5 @@ pub use comparison::{Difference, ratio, welch};
 pub use contrast::{Contrast, Pairing, PointTable, Values};
 pub use line::{Line, ROUNDING, line, rank_correlation, rank_correlation_p_value};
 pub use nested::Nested;
-pub use sample::{Replicates, Sample};
+pub use sample::{ReplicateValues, Sample};
 pub use share::{Interval, share_interval};

@@ -42,14 +42,14 @@ pub(crate) fn student_t(degrees_of_freedom: f64) -> StudentsT {
 
 /// Values of one quantity over the replicates of a simulation, some of which may have none.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Replicates {
+pub struct ReplicateValues {
     /// The values, in the order of seeds.
     pub values: Vec<f64>,
     /// Number of replicates that were planned.
     pub planned: usize,
 }
 
-impl Replicates {
+impl ReplicateValues {
     /// The sample of the values there are.
     pub fn sample(&self) -> Option<Sample> {
         Sample::of(&self.values)
@@ -109,12 +109,15 @@ mod tests {
 
     #[test]
     fn replicates_without_a_value_leave_the_sample_incomplete() {
-        let replicates = Replicates { values: vec![2.0, 4.0], planned: 3 };
+        let replicates = ReplicateValues { values: vec![2.0, 4.0], planned: 3 };
         assert_eq!(
             (replicates.mean(), replicates.complete_sample(), replicates.range()),
             (Some(3.0), None, Some((2.0, 4.0)))
         );
-        assert_eq!(Replicates { planned: 2, ..replicates.clone() }.complete_sample(), replicates.sample());
+        assert_eq!(
+            ReplicateValues { planned: 2, ..replicates.clone() }.complete_sample(),
+            replicates.sample()
+        );
         assert_eq!(replicates.scaled(2.0).values, [4.0, 8.0]);
     }
 }

@@ -1,6 +1,6 @@
 //! Fig. 8: sliding angle of a fillet over friction and surface energy.
 
-use roost_stats::{Replicates, line};
+use roost_stats::{ReplicateValues, line};
 use roost_terminal::format::significant;
 use roost_terminal::plot::{Curve, Markers, Scale, Style};
 use serde_json::{Value, json};
@@ -66,7 +66,7 @@ fn runs(profile: &Profile) -> Vec<Run> {
 }
 
 /// Maximum less minimum sliding angle over the surface energies, for each heading.
-fn spreads(results: &Results<'_>) -> Replicates {
+fn spreads(results: &Results<'_>) -> ReplicateValues {
     let records = |energy: f64| results.records(&name(TABLE_2, energy));
     let (planned, all) = (results.planned(&name(TABLE_2, ENERGIES_J_M2[1])), ENERGIES_J_M2.map(records));
     let spread = |seed: u64| {
@@ -75,10 +75,10 @@ fn spreads(results: &Results<'_>) -> Replicates {
             record.response("critical_angle_deg").filter(|_| record.is_sound())
         };
         let angles = all.iter().map(angle).collect::<Option<Vec<_>>>()?;
-        let (low, high) = Replicates { values: angles, planned: all.len() }.range()?;
+        let (low, high) = ReplicateValues { values: angles, planned: all.len() }.range()?;
         Some(high - low)
     };
-    Replicates { values: (1..=planned as u64).filter_map(spread).collect(), planned }
+    ReplicateValues { values: (1..=planned as u64).filter_map(spread).collect(), planned }
 }
 
 fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
@@ -168,7 +168,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
 }
 
 /// Minimum and maximum of the values as a text.
-fn range_text(seeds: &Replicates) -> String {
+fn range_text(seeds: &ReplicateValues) -> String {
     let range = seeds.range().filter(|_| seeds.values.len() > 1);
     range.map_or_else(String::new, |(low, high)| {
         let n = seeds.values.len();
@@ -177,7 +177,7 @@ fn range_text(seeds: &Replicates) -> String {
 }
 
 /// A finding if the mean sliding angle is below atan μ.
-fn early_sliding(angles: &Replicates, trussed: &Replicates) -> Option<String> {
+fn early_sliding(angles: &ReplicateValues, trussed: &ReplicateValues) -> Option<String> {
     let (mean, coulomb) = (angles.sample()?, TABLE_2.atan().to_degrees());
     if mean.mean + mean.half_width().unwrap_or(0.0) >= coulomb {
         return None;
@@ -241,7 +241,7 @@ mod tests {
 
     #[test]
     fn finding_on_a_single_heading_states_no_range() {
-        let single = |angle: f64| Replicates { values: vec![angle], planned: 1 };
+        let single = |angle: f64| ReplicateValues { values: vec![angle], planned: 1 };
         let finding = early_sliding(&single(20.0), &single(26.5)).unwrap();
         assert!(finding.contains("20.0°") && !finding.contains("heading"), "{finding}");
     }

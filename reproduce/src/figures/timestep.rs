@@ -1,6 +1,6 @@
 //! Test of the time step: the mean discharge curves of the paper's step and of `auto` agree.
 
-use roost_stats::{Difference, Replicates, welch};
+use roost_stats::{Difference, ReplicateValues, welch};
 use roost_terminal::format::significant;
 use roost_terminal::plot::{self, Panel, Style};
 use serde_json::json;
@@ -37,7 +37,7 @@ pub(super) fn figure(profile: &Profile) -> Figure {
 }
 
 /// Discharged mass at a time as a share of the filled mass, for each seed.
-fn shares(results: &Results<'_>, name: &str, t_s: f64) -> Replicates {
+fn shares(results: &Results<'_>, name: &str, t_s: f64) -> ReplicateValues {
     results.values(name, |record| Some(discharged_kg(record, t_s)? / record.response("filled_kg")?))
 }
 

@@ -5,7 +5,7 @@ mod scales;
 mod speeds;
 mod stiffness;
 
-use roost_stats::Replicates;
+use roost_stats::ReplicateValues;
 use roost_terminal::format::significant;
 use serde_json::{Value, json};
 
@@ -70,12 +70,12 @@ fn impact((_, pitch, roll): (&str, f64, f64), speed_m_s: f64) -> Value {
 }
 
 /// Share of intact bonds of each replicate.
-fn intact(results: &Results<'_>, name: &str) -> Replicates {
+fn intact(results: &Results<'_>, name: &str) -> ReplicateValues {
     results.response(name, "bonds_intact_fraction")
 }
 
 /// Mean settle time of each replicate whose fillets have all settled, in seconds.
-fn settle_s(results: &Results<'_>, name: &str) -> Replicates {
+fn settle_s(results: &Results<'_>, name: &str) -> ReplicateValues {
     results.response(name, "settle_time_s")
 }
 

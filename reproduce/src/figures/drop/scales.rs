@@ -1,6 +1,6 @@
 //! Fig. 12: settle time and bonds intact over the scale of fillets and sub-particles.
 
-use roost_stats::{Replicates, Sample, rank_correlation, welch};
+use roost_stats::{ReplicateValues, Sample, rank_correlation, welch};
 use roost_terminal::format::significant;
 use roost_terminal::plot::{Scale, Style};
 use serde_json::{Value, json};
@@ -52,7 +52,7 @@ fn papers(scale: f64) -> (Value, Option<f64>) {
 
 fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     const NAME: &str = "Fig. 12";
-    let by_scale = |values: fn(&Results<'_>, &str) -> Replicates| -> Vec<(f64, Replicates)> {
+    let by_scale = |values: fn(&Results<'_>, &str) -> ReplicateValues| -> Vec<(f64, ReplicateValues)> {
         profile.scales.iter().map(|scale| (*scale, values(results, &scale_name(*scale)))).collect()
     };
     let (times, shares) = (by_scale(settle_s), by_scale(intact));
@@ -135,16 +135,16 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     Evaluation { rows, illustrations, findings }
 }
 
-fn samples(by_scale: Vec<(f64, Replicates)>) -> impl Iterator<Item = (f64, Option<Sample>)> {
+fn samples(by_scale: Vec<(f64, ReplicateValues)>) -> impl Iterator<Item = (f64, Option<Sample>)> {
     by_scale.into_iter().map(|(scale, values)| (scale, values.sample()))
 }
 
-fn number_of_values(by_scale: &[(f64, Replicates)]) -> usize {
+fn number_of_values(by_scale: &[(f64, ReplicateValues)]) -> usize {
     by_scale.iter().map(|(_, values)| values.values.len()).sum()
 }
 
 /// The first significant fall between neighbouring scales at which all replicates settled: scale and mean before and after it.
-fn first_fall(by_scale: &[(f64, Replicates)]) -> Option<((f64, f64), (f64, f64))> {
+fn first_fall(by_scale: &[(f64, ReplicateValues)]) -> Option<((f64, f64), (f64, f64))> {
     by_scale.windows(2).find_map(|pair| {
         let (before, after) = (pair[0].1.complete_sample()?, pair[1].1.complete_sample()?);
         welch(&after, &before)?.is_fall().then_some(((pair[0].0, before.mean), (pair[1].0, after.mean)))
@@ -157,8 +157,8 @@ mod tests {
     use super::*;
     use crate::profile::PROFILES;
 
-    fn at(scale: f64, mean: f64) -> (f64, Replicates) {
-        (scale, Replicates { values: vec![mean - 0.01, mean, mean + 0.01], planned: 3 })
+    fn at(scale: f64, mean: f64) -> (f64, ReplicateValues) {
+        (scale, ReplicateValues { values: vec![mean - 0.01, mean, mean + 0.01], planned: 3 })
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Fig. 11: intact bonds over the speed of impact.
 
-use roost_stats::{Replicates, Sample, welch};
+use roost_stats::{ReplicateValues, Sample, welch};
 use roost_terminal::format::significant;
 use roost_terminal::plot::{Scale, Style};
 
@@ -151,8 +151,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
 type SpeedShare = (f64, f64);
 
 /// Steps between neighbouring speeds with a significant rise of the share of intact bonds.
-fn rises(line: &[(f64, Replicates)]) -> Vec<(SpeedShare, SpeedShare)> {
-    let step = |pair: &[(f64, Replicates)]| {
+fn rises(line: &[(f64, ReplicateValues)]) -> Vec<(SpeedShare, SpeedShare)> {
+    let step = |pair: &[(f64, ReplicateValues)]| {
         let (before, after) = (pair[0].1.sample()?, pair[1].1.sample()?);
         welch(&after, &before)?.is_rise().then_some(((pair[0].0, before.mean), (pair[1].0, after.mean)))
     };
@@ -167,15 +167,15 @@ mod tests {
     use super::*;
     use crate::profile::PROFILES;
 
-    fn at(speed: f64, mean: f64) -> (f64, Replicates) {
-        (speed, Replicates { values: vec![mean - 0.015625, mean, mean + 0.015625], planned: 3 })
+    fn at(speed: f64, mean: f64) -> (f64, ReplicateValues) {
+        (speed, ReplicateValues { values: vec![mean - 0.015625, mean, mean + 0.015625], planned: 3 })
     }
 
     #[test]
     fn rise_is_larger_than_the_scatter_of_seeds() {
         assert_eq!(rises(&[at(1.0, 0.99), at(2.0, 0.95), at(4.0, 0.96)]), []);
         assert_eq!(rises(&[at(1.0, 1.0), at(2.0, 0.75), at(4.0, 0.875)]), [((2.0, 0.75), (4.0, 0.875))]);
-        let alone = (2.0, Replicates { values: vec![0.5], planned: 1 });
+        let alone = (2.0, ReplicateValues { values: vec![0.5], planned: 1 });
         assert_eq!(rises(&[alone, at(4.0, 0.95)]), [], "a single run has no interval");
     }
 

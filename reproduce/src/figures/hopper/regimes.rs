@@ -1,7 +1,7 @@
 //! Table 3: regimes of flow, and the effects of belt friction and adhesion.
 
 use roost_solver::scenario;
-use roost_stats::{Replicates, ratio, welch};
+use roost_stats::{ReplicateValues, ratio, welch};
 use roost_terminal::format::significant;
 use serde_json::json;
 
@@ -73,7 +73,11 @@ fn regime_note(words: &str) -> String {
 }
 
 /// A finding on the effects of belt friction and adhesion on the rate.
-fn cause_finding(dry: &Replicates, frictions: &[(f64, Replicates)], sticky: &Replicates) -> Option<String> {
+fn cause_finding(
+    dry: &ReplicateValues,
+    frictions: &[(f64, ReplicateValues)],
+    sticky: &ReplicateValues,
+) -> Option<String> {
     let (dry_kg_s, sticky_kg_s) = (dry.mean()?, sticky.mean()?);
     let reduced: Vec<String> = frictions
         .iter()
@@ -221,7 +225,7 @@ mod tests {
 
     #[test]
     fn cause_finding_follows_from_the_rates() {
-        let seeds = |mean: f64| Replicates { values: vec![mean - 0.1, mean + 0.1], planned: 2 };
+        let seeds = |mean: f64| ReplicateValues { values: vec![mean - 0.1, mean + 0.1], planned: 2 };
         let frictions = |least: f64| [(0.3, seeds(6.0)), (0.1, seeds(least))];
         let text = cause_finding(&seeds(8.0), &frictions(1.0), &seeds(7.5)).unwrap();
         assert!(
@@ -233,7 +237,7 @@ mod tests {
         );
         assert!(text.contains("changes the mean rate to 7.50 kg/s") && text.contains("traction"), "{text}");
         assert!(!cause_finding(&seeds(8.0), &frictions(5.0), &seeds(2.0)).unwrap().contains("traction"));
-        assert_eq!(cause_finding(&seeds(8.0), &frictions(1.0), &Replicates::default()), None);
+        assert_eq!(cause_finding(&seeds(8.0), &frictions(1.0), &ReplicateValues::default()), None);
         assert!(wet_finding(PROFILES[0]).contains("a belt friction of 0.2 in place of 0.5"));
         assert!(wet_finding(PROFILES[0]).contains("0.0728 J/m²"));
     }
