@@ -6,7 +6,7 @@ use roost_terminal::{Exit, message, print_line, print_lines};
 
 use super::args::SlurmArgs;
 use super::rule::{Decision, counted};
-use super::script::Submission;
+use super::script::SlurmSubmission;
 use super::{default_state, ledger, observe, run, slurm};
 
 pub(super) async fn execute(args: SlurmArgs) -> Result<Exit> {
@@ -15,7 +15,7 @@ pub(super) async fn execute(args: SlurmArgs) -> Result<Exit> {
     let folder = std::path::absolute(args.state.clone().unwrap_or_else(default_state))?;
     let stored = ledger::read(&folder)?;
     let mut ledger = run::ledger_for(&args, stored);
-    let submission = Submission::new(&args, &ledger.name, &folder)?;
+    let submission = SlurmSubmission::new(&args, &ledger.name, &folder)?;
     print_lines(format_args!("{}\n", submission.script))?;
     print_line(format_args!("command: {} < the script above", submission.command()))?;
     if let Some(warning) = run::loopback_warning(client.server()) {

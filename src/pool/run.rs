@@ -14,7 +14,7 @@ use super::args::SlurmArgs;
 use super::ledger::{self, Folder, Ledger};
 use super::observe::WorkerSearch;
 use super::rule::{Decision, Look, WARNINGS, counted, decide, fitting_jobs};
-use super::script::Submission;
+use super::script::SlurmSubmission;
 use super::{default_state, observe, slurm};
 
 /// Number of workers on a page of the server.
@@ -26,7 +26,7 @@ struct Pool {
     client: Client,
     folder: Folder,
     ledger: Ledger,
-    submission: Submission,
+    submission: SlurmSubmission,
     /// Asks the pool to end.
     shutdown: CancellationToken,
     /// Allocations that have ended, and are not counted as failures or proofs yet: the server has not answered.
@@ -115,7 +115,7 @@ impl Pool {
         let path = args.state.clone().unwrap_or_else(default_state);
         let folder = Folder::open(&path)?;
         let ledger = ledger_for(&args, ledger::read(folder.path())?);
-        let submission = Submission::new(&args, &ledger.name, folder.path())?;
+        let submission = SlurmSubmission::new(&args, &ledger.name, folder.path())?;
         folder.save(&ledger)?;
         let held = ledger.held().count() as u64;
         tracing::info!(

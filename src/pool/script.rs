@@ -11,14 +11,14 @@ use super::{ledger, observe};
 
 /// An allocation as it is submitted.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Submission {
+pub(super) struct SlurmSubmission {
     /// Arguments of `sbatch`, which reads the script from stdin.
     pub(super) arguments: Vec<String>,
     /// The batch script.
     pub(super) script: String,
 }
 
-impl Submission {
+impl SlurmSubmission {
     /// The submissions of a pool: all are the same.
     pub(super) fn new(args: &SlurmArgs, name: &str, folder: &Path) -> Result<Self> {
         let roost = match &args.roost {
@@ -174,8 +174,8 @@ mod tests {
         cli.args
     }
 
-    fn submission(words: &[&str]) -> Submission {
-        Submission::new(&args(words), "roost-pool-1", Path::new("/home/me/pool")).unwrap()
+    fn submission(words: &[&str]) -> SlurmSubmission {
+        SlurmSubmission::new(&args(words), "roost-pool-1", Path::new("/home/me/pool")).unwrap()
     }
 
     #[test]
@@ -186,11 +186,11 @@ mod tests {
             (OsStr::new("/home/me/a\\b"), "without % and \\"),
             (OsStr::from_bytes(b"/home/me/\xff"), "is not UTF-8"),
         ] {
-            let error = Submission::new(&args, "roost-pool-1", Path::new(folder)).unwrap_err();
+            let error = SlurmSubmission::new(&args, "roost-pool-1", Path::new(folder)).unwrap_err();
             assert!(error.to_string().contains(named), "{error}");
         }
         let args = SlurmArgs { roost: Some(OsStr::from_bytes(b"/\xff").into()), ..args };
-        let error = Submission::new(&args, "roost-pool-1", Path::new("/home/me/pool")).unwrap_err();
+        let error = SlurmSubmission::new(&args, "roost-pool-1", Path::new("/home/me/pool")).unwrap_err();
         assert!(error.to_string().contains("--roost"), "{error}");
     }
 
