@@ -13,40 +13,40 @@ use uuid::Uuid;
 use crate::support::{Sandbox, hopper_scenario, wait_until};
 
 /// Status and document of an answer.
-pub(crate) type Answer = (u16, Value);
+pub(crate) type StatusAndJson = (u16, Value);
 
-async fn read(request: reqwest::RequestBuilder) -> Answer {
+async fn read(request: reqwest::RequestBuilder) -> StatusAndJson {
     let answer = request.send().await.expect("an answer");
     (answer.status().as_u16(), answer.json().await.unwrap_or_default())
 }
 
 /// The answer to a GET.
-pub(crate) fn get(sandbox: &Sandbox, path: &str) -> Answer {
+pub(crate) fn get(sandbox: &Sandbox, path: &str) -> StatusAndJson {
     let url = format!("{}{path}", sandbox.address);
     sandbox.ask(|_| async move { read(reqwest::Client::new().get(url)).await })
 }
 
 /// The answer to a submission of a job.
-pub(crate) fn submit(sandbox: &Sandbox, seed: u32) -> Answer {
+pub(crate) fn submit(sandbox: &Sandbox, seed: u32) -> StatusAndJson {
     let mut scenario = hopper_scenario(0.2);
     scenario["seed"] = json!(seed);
     post(sandbox, &json!({"scenario": scenario}))
 }
 
 /// The answer to a submission of a document.
-pub(crate) fn post(sandbox: &Sandbox, document: &Value) -> Answer {
+pub(crate) fn post(sandbox: &Sandbox, document: &Value) -> StatusAndJson {
     let request = reqwest::Client::new().post(format!("{}/v1/jobs", sandbox.address)).json(document);
     sandbox.ask(|_| async move { read(request).await })
 }
 
 /// The job of an accepted submission.
-pub(crate) fn accepted((status, job): Answer) -> String {
+pub(crate) fn accepted((status, job): StatusAndJson) -> String {
     assert_eq!(status, 202, "{job}");
     job["id"].as_str().expect("an id").to_owned()
 }
 
 /// A refusal has a status and one sentence, with some words.
-pub(crate) fn assert_refused((status, problem): Answer, expected: u16, words: &str) {
+pub(crate) fn assert_refused((status, problem): StatusAndJson, expected: u16, words: &str) {
     let detail = problem["detail"].as_str().unwrap_or_default();
     assert_eq!(status, expected, "{problem}");
     assert!(detail.contains(words) && !detail.contains('\n'), "{words}: {problem}");

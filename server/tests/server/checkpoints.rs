@@ -31,7 +31,7 @@ impl Worker<'_> {
     }
 
     /// Uploads a checkpoint in one part.
-    pub(crate) async fn checkpoint(&self, attempt: &Value, simulated_s: f64, whole: &[u8]) -> Answer {
+    pub(crate) async fn checkpoint(&self, attempt: &Value, simulated_s: f64, whole: &[u8]) -> TestResponse {
         self.server.put(&self.part(attempt, simulated_s, whole, 0), MEDIA_TYPE, whole.to_vec()).await
     }
 }

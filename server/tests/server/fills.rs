@@ -36,11 +36,11 @@ impl Worker<'_> {
     }
 
     /// Uploads a fill in one part.
-    pub(crate) async fn fill(&self, attempt: &Value, whole: &[u8]) -> Answer {
+    pub(crate) async fn fill(&self, attempt: &Value, whole: &[u8]) -> TestResponse {
         self.server.put(&self.fill_part(attempt, whole, 0), MEDIA_TYPE, whole.to_vec()).await
     }
 
-    async fn withdraw(&self, attempt: &Value, query: &str) -> Answer {
+    async fn withdraw(&self, attempt: &Value, query: &str) -> TestResponse {
         let path = format!("{}?worker_id={}{query}", fill_path(attempt), self.id);
         self.server.send(Method::DELETE, &path, None).await
     }

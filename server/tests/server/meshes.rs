@@ -9,7 +9,7 @@ use super::test_server::*;
 
 const NO_MESH: &str = "00000000000000000000000000000000000000000000000000000000000000ff";
 
-async fn upload(server: &TestServer, file: Vec<u8>) -> Answer {
+async fn upload(server: &TestServer, file: Vec<u8>) -> TestResponse {
     server.send_text("/v1/meshes", "model/stl", file).await
 }
 

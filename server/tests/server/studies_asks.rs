@@ -17,7 +17,7 @@ pub(super) async fn driven(server: &TestServer, max_runs: u32) -> String {
     submit(server, &question).await
 }
 
-pub(super) async fn ask(server: &TestServer, id: &str, document: Value) -> Answer {
+pub(super) async fn ask(server: &TestServer, id: &str, document: Value) -> TestResponse {
     server.post(&format!("/v1/studies/{id}/ask"), &document).await
 }
 
@@ -26,7 +26,7 @@ pub(super) async fn hand_out(server: &TestServer, id: &str, count: u32) -> Vec<V
     asked["runs"].as_array().unwrap().clone()
 }
 
-pub(super) async fn tell(server: &TestServer, id: &str, outcomes: &[Value]) -> Answer {
+pub(super) async fn tell(server: &TestServer, id: &str, outcomes: &[Value]) -> TestResponse {
     server.post(&format!("/v1/studies/{id}/tell"), &json!({"outcomes": outcomes})).await
 }
 
@@ -252,7 +252,7 @@ async fn requests_with_faults_are_refused_with_all_of_them() {
     let id = driven(&server, 60).await;
     let run = hand_out(&server, &id, 1).await[0]["run"].clone();
     let gate = "/~1equipment~1gate_opening_m";
-    let pointers = |answer: Answer| -> Vec<String> {
+    let pointers = |answer: TestResponse| -> Vec<String> {
         let problem = answer.problem(422, "invalid-document");
         problem["errors"].as_array().unwrap().iter().map(|error| text(&error["pointer"]).to_owned()).collect()
     };

@@ -13,7 +13,7 @@ fn jammed(run: &Value, jammed: u8) -> Value {
     json!({"run": run["run"], "responses": {"jammed": jammed}})
 }
 
-fn pointers(answer: Answer) -> Vec<String> {
+fn pointers(answer: TestResponse) -> Vec<String> {
     let problem = answer.problem(409, "wrong-state");
     problem["errors"].as_array().unwrap().iter().map(|error| text(&error["pointer"]).to_owned()).collect()
 }

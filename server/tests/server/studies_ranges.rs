@@ -8,7 +8,7 @@ use super::test_server::*;
 
 const SPEED: &str = "/equipment/belt_speed_m_s";
 
-async fn widen(server: &TestServer, id: &str, ranges: &Value) -> Answer {
+async fn widen(server: &TestServer, id: &str, ranges: &Value) -> TestResponse {
     server.post(&format!("/v1/studies/{id}/ranges"), &json!({"ranges": ranges})).await
 }
 

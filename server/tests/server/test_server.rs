@@ -27,7 +27,7 @@ pub(crate) struct TestServer {
 }
 
 /// An answer with its body as text and as JSON, which is null if it is not JSON.
-pub(crate) struct Answer {
+pub(crate) struct TestResponse {
     pub status: u16,
     pub media_type: String,
     pub location: Option<String>,
@@ -79,7 +79,7 @@ impl TestServer {
         before.elapsed()
     }
 
-    pub(crate) async fn send(&self, method: Method, path: &str, body: Option<&Value>) -> Answer {
+    pub(crate) async fn send(&self, method: Method, path: &str, body: Option<&Value>) -> TestResponse {
         let mut request = self.http.request(method, format!("http://{}{path}", self.address));
         if let Some(body) = body {
             request = request.json(body);
@@ -93,23 +93,28 @@ impl TestServer {
         path: &str,
         media_type: &str,
         body: impl Into<reqwest::Body>,
-    ) -> Answer {
+    ) -> TestResponse {
         let url = format!("http://{}{path}", self.address);
         let request = self.http.post(url).header("content-type", media_type).body(body);
         read(request.send().await.unwrap()).await
     }
 
-    pub(crate) async fn put(&self, path: &str, media_type: &str, body: impl Into<reqwest::Body>) -> Answer {
+    pub(crate) async fn put(
+        &self,
+        path: &str,
+        media_type: &str,
+        body: impl Into<reqwest::Body>,
+    ) -> TestResponse {
         let url = format!("http://{}{path}", self.address);
         let request = self.http.put(url).header("content-type", media_type).body(body);
         read(request.send().await.unwrap()).await
     }
 
-    pub(crate) async fn get(&self, path: &str) -> Answer {
+    pub(crate) async fn get(&self, path: &str) -> TestResponse {
         self.send(Method::GET, path, None).await
     }
 
-    pub(crate) async fn post(&self, path: &str, body: &Value) -> Answer {
+    pub(crate) async fn post(&self, path: &str, body: &Value) -> TestResponse {
         self.send(Method::POST, path, Some(body)).await
     }
 
@@ -147,16 +152,16 @@ impl TestServer {
     }
 }
 
-async fn read(response: reqwest::Response) -> Answer {
+async fn read(response: reqwest::Response) -> TestResponse {
     let header = |name: &str| response.headers().get(name).map(|value| value.to_str().unwrap().to_owned());
     let (status, media_type) = (response.status().as_u16(), header("content-type").unwrap_or_default());
     let (location, allow, link) = (header("location"), header("allow"), header("link"));
     let text = response.text().await.unwrap();
     let body = serde_json::from_str(&text).unwrap_or(Value::Null);
-    Answer { status, media_type, location, allow, link, text, body }
+    TestResponse { status, media_type, location, allow, link, text, body }
 }
 
-impl Answer {
+impl TestResponse {
     /// The body of an answer with this status.
     #[track_caller]
     pub(crate) fn expect(self, status: StatusCode) -> Value {
@@ -222,16 +227,21 @@ impl Worker<'_> {
         reply["attempts"][0].clone()
     }
 
-    pub(crate) async fn deliver(&self, attempt: &Value) -> Answer {
+    pub(crate) async fn deliver(&self, attempt: &Value) -> TestResponse {
         self.deliver_result(attempt, &result_of(&attempt["scenario"])).await
     }
 
-    pub(crate) async fn deliver_result(&self, attempt: &Value, result: &RunResult) -> Answer {
+    pub(crate) async fn deliver_result(&self, attempt: &Value, result: &RunResult) -> TestResponse {
         let body = json!({"worker_id": self.id, "result": result});
         self.server.post(&format!("{}/result", path(attempt)), &body).await
     }
 
-    pub(crate) async fn fail(&self, attempt: &Value, outcome: &str, partial: Option<&RunResult>) -> Answer {
+    pub(crate) async fn fail(
+        &self,
+        attempt: &Value,
+        outcome: &str,
+        partial: Option<&RunResult>,
+    ) -> TestResponse {
         let body = json!({"worker_id": self.id, "outcome": outcome, "message": format!("it was {outcome}"),
                           "result": partial});
         self.server.post(&format!("{}/failure", path(attempt)), &body).await
