@@ -1,6 +1,6 @@
 //! Checks of the prose of user pages: short sentences with named subjects.
 //!
-//! Code, tables, headings and comments are not checked.
+//! Code, headings and comments are not checked. In cells of tables, only the length of sentences is checked.
 
 use std::path::Path;
 
@@ -73,17 +73,25 @@ fn sentences(page: &str) -> Vec<String> {
         }
         is_comment &= !line.ends_with("-->");
     }
-    let mut found = Vec::new();
-    for paragraph in paragraphs {
-        let text = plain(&paragraph);
-        let mut rest = text.trim();
-        while !rest.is_empty() {
-            let end = end_of_sentence(rest);
-            found.push(rest[..end].trim().to_owned());
-            rest = rest[end..].trim_start();
-        }
+    paragraphs.iter().flat_map(|paragraph| split(paragraph)).collect()
+}
+
+/// The sentences of a paragraph.
+fn split(paragraph: &str) -> Vec<String> {
+    let text = plain(paragraph);
+    let (mut found, mut rest) = (Vec::new(), text.trim());
+    while !rest.is_empty() {
+        let end = end_of_sentence(rest);
+        found.push(rest[..end].trim().to_owned());
+        rest = rest[end..].trim_start();
     }
     found
+}
+
+/// The sentences in cells of tables, where semicolons separate remarks.
+fn sentences_of_tables(page: &str) -> Vec<String> {
+    let rows = page.lines().filter(|line| line.starts_with('|'));
+    rows.flat_map(|row| row.split(['|', ';']).flat_map(split).collect::<Vec<_>>()).collect()
 }
 
 /// End of the first sentence: a mark, followed by the end of the text, or by a space and a capital letter or an opening mark.
@@ -134,6 +142,9 @@ fn faults(page: &str) -> Vec<String> {
             faults.push(format!("`{phrase}`: {sentence}"));
         }
     }
+    let is_long = |sentence: &String| words(sentence) > LONGEST;
+    let long = sentences_of_tables(page).into_iter().filter(is_long);
+    faults.extend(long.map(|sentence| format!("{} words in a table: {sentence}", words(&sentence))));
     let all: usize = sentences.iter().map(|sentence| words(sentence)).sum();
     let mean = all as f64 / sentences.len().max(1) as f64;
     if mean > MEAN {
@@ -170,6 +181,7 @@ fn page_is_split_into_sentences() {
 fn violations_of_the_rules_are_found() {
     let long = "word ".repeat(LONGEST + 1);
     assert_eq!(faults(&long).len(), 2, "too long, and too long in the mean");
+    assert_eq!(faults(&format!("| a cell | {long}|\n")).len(), 1, "too long in a table");
     assert_eq!(faults("What comes here is short.").len(), 1);
     assert_eq!(faults("Which gate is best? It is this one.").len(), 0);
     assert_eq!(faults("Keep it shut lest it leaks.").len(), 1);
