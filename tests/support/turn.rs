@@ -7,7 +7,7 @@ use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 static LOCK: RwLock<()> = RwLock::new(());
 
 thread_local! {
-    /// What the test of this thread holds.
+    /// The turn that the test of this thread holds.
     static HELD: RefCell<Weak<Turn>> = const { RefCell::new(Weak::new()) };
 }
 

@@ -153,7 +153,7 @@ pub(super) async fn end_attempts(tx: &mut Connection, endings: &[AttemptEnd<'_>]
     Ok(())
 }
 
-/// What ended attempts count in the budgets of their projects, in their order.
+/// The core time that ended attempts count in the budgets of their projects, in their order.
 async fn counted(tx: &mut Connection, endings: &[AttemptEnd<'_>]) -> Result<Vec<Option<i64>>, StoreError> {
     let ended: Vec<_> = endings.iter().map(|it| json!({"job": it.job, "attempt": it.attempt})).collect();
     let rows = query(CHARGED).bind(to_json("attempts", &ended)?).fetch_all(&mut *tx).await?;
@@ -173,7 +173,7 @@ async fn counted(tx: &mut Connection, endings: &[AttemptEnd<'_>]) -> Result<Vec<
     Ok(counted)
 }
 
-/// What counts of attempts depends on.
+/// The columns from which the core time of attempts is counted.
 pub(super) const CHARGED: &str = "
     SELECT CAST(ended.key AS BIGINT) AS place, a.claimed_at, w.last_seen_at, w.backend = 'cpu' AS on_cpu, w.threads, w.slots
     FROM json_each(?) AS ended

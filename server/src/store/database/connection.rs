@@ -96,7 +96,7 @@ impl Pool {
     }
 }
 
-/// What executes a query: a connection or a pool.
+/// A connection or a pool that executes a query.
 pub(in crate::store) enum Executor<'c> {
     Sqlite(&'c mut SqliteConnection),
     Postgres(&'c mut PgConnection),

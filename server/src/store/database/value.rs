@@ -85,7 +85,7 @@ pub(in crate::store) trait FromValue: Sized {
     /// Reads a value that is not null.
     fn from_value(value: Value) -> Option<Self>;
 
-    /// What a null is, if the type has one.
+    /// The value for a null, if the type has one.
     fn null() -> Option<Self> {
         None
     }

@@ -17,7 +17,7 @@ use super::{Finished, Message, Next, Write};
 use crate::store::StoreError;
 use crate::store::database::{Connection, Engine, postgres, raw_sql};
 
-/// What the writer shares with the store.
+/// State that the writer shares with the store.
 #[derive(Default)]
 pub(super) struct Shared {
     pub(super) commits: Commits,
