@@ -16,7 +16,7 @@ endif
 # Drivers complain without.
 export XDG_RUNTIME_DIR ?= /tmp
 
-TEST_PARTS := test-units test-a-to-e test-f-to-z
+TEST_PARTS := test-units test-docs test-a-to-e test-others
 
 .PHONY: demo test test-build $(TEST_PARTS) check deny dashboard-check book validation wheel python-tools needs
 
@@ -32,7 +32,8 @@ test: test-build
 test-build: NEEDS += faketime:faketime
 # The tests of the alerts in deploy/ start a Prometheus of their own; they use no service that the package may start.
 test-build: NEEDS += promtool:prometheus
-test-build: needs python-tools
+# The tools come first: packages that are missing are installed once, for all.
+test-build: python-tools needs
 	cargo test --workspace --no-run
 
 # Many tests wait for processes: parts that run at the same time, with a few tests each, end sooner. Tests in folders named `tests` are
@@ -40,12 +41,12 @@ test-build: needs python-tools
 $(TEST_PARTS): export RUST_TEST_THREADS ?= $(shell cores=$$(nproc); echo $$((cores > 6 ? cores / 2 : 3)))
 test-units:
 	cargo test --workspace --no-fail-fast --lib --bins
+test-docs:
 	cargo test --workspace --no-fail-fast --doc
 test-a-to-e:
 	cargo test --workspace --no-fail-fast --test '[a-e]*'
-# The test `otlp` needs a feature that the others lack.
-test-f-to-z:
-	cargo test --workspace --no-fail-fast --test '[f-np-z]*' --test 'o[!t]*'
+test-others:
+	cargo test --workspace --no-fail-fast --test '[!a-e]*'
 
 # Format, lints, documentation of the code, dependencies, and types of the dashboard. A warning is an error.
 check: needs deny dashboard-check

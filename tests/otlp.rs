@@ -1,4 +1,5 @@
 //! Traces over OTLP: a minimal collector receives the jobs of a real server and a real worker.
+#![cfg(feature = "otlp")]
 
 mod support;
 

@@ -311,7 +311,7 @@ def main():
     arguments.add_argument("--at-most", type=int, help="simulations of each case; all by default")
     arguments.add_argument("--csv", type=pathlib.Path)
     arguments.add_argument("--revision", type=int, help="values of this revision of the solver in the file are not simulated again")
-    arguments.add_argument("--part", default="", help="text in the label of the cases that are simulated; all by default")
+    arguments.add_argument("--part", default="", help="text in the label of the cases that are simulated; all by default. With --revision, values of others come from the file")
     given = arguments.parse_args()
     cases, responses, run_one = STUDIES[given.study]
     known = Values(given.csv)

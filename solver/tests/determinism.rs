@@ -156,7 +156,7 @@ fn neighbour_list_rebuilds_in_every_step_change_no_bit() {
 
 #[test]
 fn removing_later_spheres_does_not_change_earlier_ones() {
-    // Spheres that leave change no bit of the others, whatever their position among them.
+    // Spheres that are removed change no bit of the others.
     let mut scene = spheres();
     let count = scene.bodies.len() as u32;
     let far = |k: i32| {

@@ -32,7 +32,7 @@ fn module(root: &Path, file: &Path) -> String {
 
 /// Code without comments and unit tests.
 fn code(text: &str) -> String {
-    let text = text.split("#[cfg(test)]\nmod tests").next().unwrap();
+    let text = text.split("#[cfg(test)]\nmod tests {").next().unwrap();
     text.lines().map(|line| line.split("//").next().unwrap()).collect::<Vec<_>>().join("\n")
 }
 
@@ -274,6 +274,9 @@ fn use_trees_are_expanded_and_import_cycles_detected() {
         imports("http::listener::paced", code),
         ["http", "queue::x", "http::store::Store", "http::listener::rows::z"]
     );
+    // Imports may follow the declaration of tests in a file of their own.
+    let declared = self::code("#[cfg(test)]\nmod tests;\nuse crate::a; // comment");
+    assert_eq!(declared, "#[cfg(test)]\nmod tests;\nuse crate::a; ");
     let set = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<BTreeSet<_>>();
     let sources = [
         ("a", "mod x;\nmod y;\npub(crate) use x::{\n    X,\n};\npub(crate) use y::Y as Other;"),

@@ -1,4 +1,4 @@
-//! Tests that measure time run alone; all others run beside each other.
+//! Tests that measure time run alone in their process; all others run beside each other.
 
 use std::cell::RefCell;
 use std::rc::{Rc, Weak};

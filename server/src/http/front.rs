@@ -76,7 +76,7 @@ const OF_REQUEST: [HeaderName; 4] =
 /// The `host` of a request without one. A leader without access tokens refuses it.
 const NO_HOST: HeaderValue = HeaderValue::from_static("missing.invalid");
 
-/// The role of this server: it answers requests, or passes them on.
+/// The server that answers requests.
 #[derive(Clone)]
 pub(crate) enum Role {
     /// This server.

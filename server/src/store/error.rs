@@ -5,6 +5,14 @@ use std::sync::Arc;
 use libsqlite3_sys::{SQLITE_BUSY, SQLITE_FULL};
 use sqlx::postgres::PgDatabaseError;
 
+/// The reason why an address is not one of PostgreSQL.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum LocationError {
+    /// It has another form.
+    #[error("give a database as postgres://USER@HOST/DATABASE")]
+    NotPostgres,
+}
+
 /// A failure of the store, never the fault of a request.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {

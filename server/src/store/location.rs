@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use sqlx::SqliteConnection;
 
-use super::StoreError;
+use super::{LocationError, StoreError};
 use super::database::{Connection, Engine, Pool, postgres, raw_sql, sqlite};
 use super::edition::Edition;
 use super::migrations::migrate;
@@ -29,14 +29,6 @@ impl Location {
             (place, _) => place,
         }
     }
-}
-
-/// The reason why an address is not one of PostgreSQL.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum LocationError {
-    /// It has another form.
-    #[error("give a database as postgres://USER@HOST/DATABASE")]
-    NotPostgres,
 }
 
 /// From `postgres://USER@HOST/DATABASE`.

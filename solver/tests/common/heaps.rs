@@ -56,7 +56,7 @@ pub fn heap() -> Scene {
     scene
 }
 
-/// Small bodies, close together, and more than two at once for each thread.
+/// 600 small bodies, close together: each thread takes more than two at once.
 pub fn many() -> Scene {
     let bodies = (0..600).map(|k| {
         let [x, y, z] = [k % 12, k / 12 % 10, k / 120].map(|k| 0.0165 * f64::from(k));
