@@ -72,9 +72,11 @@ def bed(radius_mm, duration_s):
 
 
 def radius():
-    """Discharge of the whole hopper over R."""
-    for radius in (4, 5, 6, 7):
-        yield Case(f"{radius} mm", seeds(bed(radius, 4.2), 24), ("4 mm",) if radius > 4 else ())
+    """Discharge of the whole hopper over R, also with a larger radius between fillets."""
+    for words, ratio, count in (("", 1, 24), (", ρ = 1.225", 1.225, 6)):
+        for radius in (4, 5, 6, 7):
+            scenario = merged(bed(radius, 4.2), {} if ratio == 1 else {"contact": {"fillet_fillet_radius_ratio": ratio}})
+            yield Case(f"{radius} mm{words}", seeds(scenario, count), (f"4 mm{words}",) if radius > 4 else ())
 
 
 def gates():

@@ -6,11 +6,11 @@ use std::str::FromStr;
 
 use sqlx::SqliteConnection;
 
-use super::{LocationError, StoreError};
 use super::database::{Connection, Engine, Pool, postgres, raw_sql, sqlite};
 use super::edition::Edition;
 use super::migrations::migrate;
 use super::writer::Line;
+use super::{LocationError, StoreError};
 
 /// Where a database is.
 #[derive(Clone, Debug)]
