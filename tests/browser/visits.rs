@@ -35,7 +35,7 @@ fn a_hidden_page_stops_following_its_sweep() {
     page.until("the missed change shows", &shows(3));
     assert!(sandbox.roost(&["extend", id, "--replicates", "1"]).status.success());
     page.until("new changes show again", &shows(4));
-    assert!(page.errors().is_empty());
+    assert_eq!(page.errors(), [""; 0]);
 }
 
 #[test]
