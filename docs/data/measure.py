@@ -72,10 +72,14 @@ def bed(radius_mm, duration_s):
 
 
 def radius():
-    """Discharge of the whole hopper over R, also with a larger radius between fillets."""
-    for words, ratio, counts in (("", 1, (18, 24, 18, 18)), (", ρ = 1.225", 1.225, (6, 6, 6, 6))):
+    """Discharge of the whole hopper over R, also with a fill by volume, and with a larger radius between fillets."""
+    for words, over, counts in (
+        ("", {}, (18, 24, 18, 18)),
+        (", by volume", {"product": {"fill": "volume"}}, (12, 12, 12, 12)),
+        (", ρ = 1.225", {"contact": {"fillet_fillet_radius_ratio": 1.225}}, (6, 6, 6, 6)),
+    ):
         for radius, count in zip((4, 5, 6, 7), counts):
-            scenario = merged(bed(radius, 4.2), {} if ratio == 1 else {"contact": {"fillet_fillet_radius_ratio": ratio}})
+            scenario = merged(bed(radius, 4.2), over)
             yield Case(f"{radius} mm{words}", seeds(scenario, count), (f"4 mm{words}",) if radius > 4 else ())
 
 

@@ -107,7 +107,7 @@ fn check_alternatives(document: &Value, completed: &Value, faults: &mut Vec<Faul
     }
 }
 
-/// Shapes that do not exist, sizes beside a mesh or spheres, and a fill of whole spheres beside spheres.
+/// Shapes that do not exist, sizes beside a mesh or spheres, and a rule of the fill beside spheres.
 fn check_shapes(document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
     let sizes = completed.pointer("/product/sizes_m").and_then(Value::as_array).map(Vec::len);
     let mesh = completed.pointer("/product/mesh").is_some_and(Value::is_object);
@@ -127,7 +127,7 @@ fn check_shapes(document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
         faults.push(Fault::new("/product/spheres", &Value::Bool(true), detail, allowed));
     }
     let pointer = "/product/fill";
-    if spheres && completed.pointer(pointer).is_some_and(|fill| fill == "whole_spheres") {
+    if spheres && completed.pointer(pointer).is_some_and(|fill| fill != "centres") {
         let allowed = Some("\"centres\" beside /product/spheres".to_owned());
         let value = as_written(document, completed, pointer);
         faults.push(Fault::new(pointer, value, "is excluded by /product/spheres".to_owned(), allowed));

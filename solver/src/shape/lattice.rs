@@ -82,22 +82,16 @@ impl MetaParticle {
         let spacing = 2.0 * radius;
         let counts = shape.layers(spacing) + 2;
         let centre = |cell: IVec3| (cell.as_dvec3() + 0.5 - counts.as_dvec3() / 2.0) * spacing;
-        let mut cells = Vec::new();
-        for z in 0..counts.z {
-            for y in 0..counts.y {
-                for x in 0..counts.x {
-                    let cell = IVec3::new(x, y, z);
-                    let point = centre(cell);
-                    let inside = match fill {
-                        Fill::Centres => shape.contains(point),
-                        Fill::WholeSpheres => shape.contains_sphere(point, radius),
-                    };
-                    if inside {
-                        cells.push(cell);
-                    }
-                }
+        let rows = (0..counts.z).flat_map(|z| (0..counts.y).map(move |y| (y, z)));
+        let all = rows.flat_map(|(y, z)| (0..counts.x).map(move |x| IVec3::new(x, y, z)));
+        let cells: Vec<IVec3> = match fill {
+            Fill::Centres => all.filter(|&cell| shape.contains(centre(cell))).collect(),
+            Fill::WholeSpheres => all.filter(|&cell| shape.contains_sphere(centre(cell), radius)).collect(),
+            Fill::Volume => {
+                let covered = all.map(|cell| (cell, covered_samples(shape, centre(cell), spacing)));
+                most_covered(&covered.collect::<Vec<_>>(), shape.volume_m3() / spacing.powi(3))
             }
-        }
+        };
         let inside = cells.len();
         let cells = largest_component(cells);
         let mut points: Vec<DVec3> = cells.iter().map(|&cell| centre(cell)).collect();
@@ -111,6 +105,30 @@ impl MetaParticle {
         };
         (meta, inside - cells.len())
     }
+}
+
+/// Samples along an edge of a cell.
+const SAMPLES: i32 = 4;
+
+/// The number of evenly spaced samples of a cell, out of [`SAMPLES`]³, that lie in a shape.
+fn covered_samples(shape: &impl Shape, centre: DVec3, edge_m: f64) -> usize {
+    // Odd steps from the centre: the samples of mirrored cells are exact mirror images.
+    let step = |k: i32| f64::from(2 * k + 1 - SAMPLES);
+    let samples = (0..SAMPLES.pow(3)).map(|k| {
+        let steps = DVec3::new(step(k % SAMPLES), step(k / SAMPLES % SAMPLES), step(k / SAMPLES.pow(2)));
+        centre + steps * (edge_m / f64::from(2 * SAMPLES))
+    });
+    samples.filter(|&sample| shape.contains(sample)).count()
+}
+
+/// The cells with the most covered samples, in their order. Cells with equally many are taken or left together, so that a symmetric
+/// shape has a symmetric fill. Their number is the one nearest to `wanted`.
+fn most_covered(cells: &[(IVec3, usize)], wanted: f64) -> Vec<IVec3> {
+    let taken = |least: usize| cells.iter().filter(move |(_, covered)| *covered >= least);
+    let error = |least: usize| (taken(least).count() as f64 - wanted).abs();
+    let full = SAMPLES.pow(3) as usize;
+    let least = (1..=full + 1).min_by(|&a, &b| error(a).total_cmp(&error(b))).unwrap_or(full);
+    taken(least).map(|(cell, _)| *cell).collect()
 }
 
 /// Half of the 26 neighbours of a cell: those that come later in z, y, x order.
@@ -197,6 +215,37 @@ mod tests {
         let whole = MetaParticle::fill(&SIZE_1, 0.004, Fill::WholeSpheres, 1);
         assert!(whole.points.len() < centres.points.len() * 2 / 3);
         assert!(!whole.points.is_empty());
+    }
+
+    #[test]
+    fn fill_by_volume_has_the_volume_of_the_shape_whatever_the_radius() {
+        for size_m in [[0.144, 0.072, 0.040], [0.172, 0.072, 0.032], [0.176, 0.072, 0.040]] {
+            for radius in [0.002, 0.003, 0.004, 0.005, 0.006, 0.007, 0.008] {
+                let shape = Teardrop { size_m, mirrored: false };
+                let meta = MetaParticle::fill(&shape, radius, Fill::Volume, 1);
+                let wanted = meta.volume_m3 / (2.0 * radius).powi(3);
+                // Half of a group of equally covered cells: two cells, or 1 %.
+                let error = (meta.points.len() as f64 - wanted).abs();
+                assert!(error <= f64::max(2.0, 0.01 * wanted), "{size_m:?} {radius}: {error} of {wanted}");
+                let upside_down: Vec<_> = meta.points.iter().map(|point| point.z).collect();
+                assert!(upside_down.iter().sum::<f64>().abs() < 1e-9, "as thick above as below");
+                let mirrored = Teardrop { mirrored: true, ..shape };
+                let mirrored = MetaParticle::fill(&mirrored, radius, Fill::Volume, 1);
+                let mut image: Vec<_> =
+                    mirrored.points.iter().map(|p| *p * DVec3::new(1.0, -1.0, 1.0)).collect();
+                image.sort_by(|a, b| (a.z, a.y, a.x).partial_cmp(&(b.z, b.y, b.x)).unwrap());
+                assert_eq!(image.len(), meta.points.len());
+                assert!(image.iter().zip(&meta.points).all(|(a, b)| (*a - *b).length() < 1e-9));
+            }
+        }
+    }
+
+    #[test]
+    fn equally_covered_cells_are_taken_together() {
+        let cells: Vec<_> =
+            [64, 32, 32, 8].into_iter().enumerate().map(|(x, n)| (IVec3::X * x as i32, n)).collect();
+        let taken = |wanted| most_covered(&cells, wanted).len();
+        assert_eq!([0.2, 1.0, 1.9, 2.1, 3.4, 3.6, 9.0].map(taken), [0, 1, 1, 3, 3, 4, 4]);
     }
 
     #[test]

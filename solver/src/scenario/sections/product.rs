@@ -57,6 +57,8 @@ pub enum Fill {
     Centres,
     /// Those whose whole sphere lies inside the surface.
     WholeSpheres,
+    /// Those whose cubic cell lies most inside the surface, as many as have its volume.
+    Volume,
 }
 
 const DENSITY: Range = from_to(10.0, 20_000.0);
@@ -67,8 +69,9 @@ const SIZES_M: &[[f64; 3]] = &[[0.144, 0.072, 0.040], [0.172, 0.072, 0.032], [0.
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     integer("/product/count", 191, from_to(1.0, 100_000.0), "section 2.4",
-        "Number of fillets. If `shape` is null, the fillets take all shapes in turn. For example, with six shapes, the fillets with the \
-         numbers 0, 6 and 12 have shape 0. The paper's drop test has 15 fillets of each of six shapes (section 2.3.3).")
+        "Number of fillets. If `shape` is null, the fillets take all shapes in turn. By default, there are six shapes: three sizes, each \
+         with its mirror image. The fillets with the numbers 0, 6 and 12 then have shape 0. The paper's drop test has 15 fillets of each of \
+         six shapes (section 2.3.3).")
         .by_name_or(Preset::Integer(1)),
     field("/product/sizes_m", FieldKind::Sizes(from_to(0.005, 2.0)), "m", Preset::Sizes(SIZES_M), "Table 1",
         "Length, width and thickness of each size of fillet.")
@@ -90,11 +93,13 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "Factor for the size of the bodies. Roost multiplies the lengths of the bodies and the radius of the sub-particles by this \
          factor."),
     number("/product/subparticle_radius_m", "m", 0.004, from_to(5e-4, 0.05), "section 2.2",
-        "Radius R of a sub-particle. The centres of neighbouring sub-particles are 2R apart. If you halve the radius, a body has eight \
-         times as many sub-particles."),
-    choice("/product/fill", &["centres", "whole_spheres"], "assumed",
+        "Radius of a sub-particle before scaling. R is this radius times `scale`. The centres of neighbouring sub-particles are 2R apart. \
+         If you halve the radius, a body has eight times as many sub-particles."),
+    choice("/product/fill", &["centres", "whole_spheres", "volume"], "assumed",
         "Rule that selects the points of the lattice (cubic grid) at which a body has sub-particles. `centres`: all points inside the \
-         shape. `whole_spheres`: only the points whose whole sphere of radius R is inside the shape.")
+         shape. `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. `volume`: each point has a cell, a \
+         cube with the edge 2R. Roost selects the cells with the largest share inside the shape, until the cells together have the \
+         volume of the shape. Use `volume` to compare results for different values of R.")
         .by_name(),
     nullable("/product/subparticle_density_kg_m3", "kg/m³", DENSITY, "Table 2 has 2200",
         "Density of a sub-particle. Set this field or `density_kg_m3`, but not both. The paper states a value for each of the two \
