@@ -17,9 +17,8 @@ pub(crate) struct DeviceArgs {
     /// Accept a GPU that software emulates. Use this option only for tests, because `--backend cpu` is faster than such a GPU
     #[arg(long)]
     allow_software: bool,
-    /// Maximum memory that all jobs together use on the GPU, in MiB. Roost refuses a job that needs more memory than this maximum.
-    /// Without this option, the maximum is 4096 MiB. In this case, Roost does not refuse a job that needs more memory, but runs
-    /// this job alone
+    /// Maximum memory that all jobs together use on the GPU, in MiB. With this option, Roost refuses a job that needs more
+    /// memory than this maximum. Without this option, the maximum is 4096 MiB, and Roost runs a job that needs more memory alone
     #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
     gpu_memory: Option<u32>,
 }

@@ -23,7 +23,7 @@ pub(crate) struct FrameArgs {
     /// earlier run
     #[arg(long, value_name = "DIR")]
     frames: Option<PathBuf>,
-    /// Simulated time between two frames. Roost rounds this time to a multiple of the field numerics.output_interval_s of the
+    /// Simulated time between two frames. Roost rounds this time to a multiple of the field /numerics/output_interval_s of the
     /// scenario
     #[arg(long, requires = "frames", default_value_t = 0.05, value_name = "SECONDS", allow_negative_numbers = true, value_parser = interval)]
     frame_interval: f64,

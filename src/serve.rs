@@ -89,8 +89,8 @@ pub(crate) struct ServerArgs {
     #[arg(long, default_value_t = 0, value_name = "N")]
     max_requests_per_s: u32,
     /// Maximum number of open connections. At this number, the server closes an idle connection when a new client connects. Each
-    /// worker uses up to three connections, and more connections while it sends or fetches files. If the operating system allows too
-    /// few open files for this number, the server uses a smaller number
+    /// worker uses up to three connections. While a worker sends or fetches files, it uses more connections. If the operating system
+    /// allows too few open files (each connection counts as one) for this number, the server uses a smaller number
     #[arg(long, default_value_t = ServerConfig::default().max_connections, value_name = "N", value_parser = connections)]
     max_connections: usize,
     /// Time after the end of a sweep or of a single job, such as 30d. When this time has passed, the server deletes the sweep or

@@ -44,9 +44,9 @@ pub(crate) struct WorkerArgs {
     #[command(flatten)]
     device: DeviceArgs,
     /// Maximum number of jobs that run at the same time: `auto`, or a number from 1 to 1024. On a CPU, the jobs share the threads.
-    /// With `auto` on a CPU, each job gets one thread. While the queue has fewer jobs than the worker has threads, each job gets more
-    /// threads. On a GPU, the jobs advance together as one batch, as far as the memory of the GPU allows. With `auto` on a GPU, the
-    /// maximum is 16 jobs
+    /// With `auto` on a CPU, the worker runs one job for each thread. If the queue has fewer jobs than the worker has threads, each
+    /// job gets more threads. On a GPU, the jobs advance together as one batch, as far as the memory of the GPU allows. With `auto` on
+    /// a GPU, the maximum is 16 jobs
     #[arg(long, default_value = "auto", value_name = "N", value_parser = slots)]
     slots: Slots,
     /// Time that running jobs may continue after a signal (SIGTERM or Ctrl-C), before they return to the queue. A service manager

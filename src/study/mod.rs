@@ -18,9 +18,9 @@ use crate::validate;
 /// Ask a question about a scenario; Roost chooses the runs that answer it
 ///
 /// A study has a base scenario, factors (inputs that vary) with their ranges, a goal, and a budget (the maximum number of runs).
-/// Roost adds runs to the sweep of the study until the answer is as certain as you asked for, or until the budget is used up. The
-/// sweep has the same id as the study. The command `roost study run` needs no server. All other commands except `validate` need a
-/// server.
+/// Each study has a sweep with the same id. Roost adds runs to this sweep until the answer is as certain as you asked for, or until
+/// the budget is used up. The commands `roost study run` and `roost study validate` need no server. All other commands of this list
+/// need a server.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(subcommand)]

@@ -22,7 +22,7 @@ use serde_json::json;
 ///
 /// The command starts servers on loopback addresses, with their data in a temporary folder. The clients of these servers run in the
 /// process of this command, on the same machine. Therefore the measured throughput is the throughput of the server together with its
-/// clients. The measured processor time and memory are those of the server only.
+/// clients. The measured processor time and memory are those of the server only. Each row of the output is one measurement.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// Measure only rows whose names start with NAME. You can give several names, separated by commas

@@ -122,7 +122,7 @@ class Job:
         return series
 
     def frames(self, path: str | os.PathLike[str]) -> Path:
-        """Downloads its frames, if it was submitted with `frame_interval_s`. `roost frames` converts the file for ParaView."""
+        """Downloads its frames, if it was submitted with `frame_interval_s`. `roost results --frames` does the same."""
         return self._transport.download(f"{self._path}/frames", Path(path))
 
     def forecast(self) -> Forecast:

@@ -20,19 +20,19 @@ const MAX_NUMBERS: f64 = 4e5;
 #[rustfmt::skip]
 pub(super) const LOADS: [SeriesRow; 6] = [
     series("force_<name>_x", "N",
-        "Force of the bodies on a surface, along x, at the time of the sample. The name of the surface replaces `<name>`. For example, \
-         the force is the weight of bodies on the surface, or the friction of bodies on a belt."),
-    series("force_<name>_y", "N", "Force of the bodies on this surface, along y, at the time of the sample."),
-    series("force_<name>_z", "N", "Force of the bodies on this surface, along z, at the time of the sample."),
+        "Force of the bodies on the surface `<name>`, along x, at the time of the sample. The name of the surface replaces `<name>`. For \
+         example, the force is the weight of bodies on the surface, or the friction of bodies on a belt."),
+    series("force_<name>_y", "N", "Force of the bodies on the surface `<name>`, along y, at the time of the sample."),
+    series("force_<name>_z", "N", "Force of the bodies on the surface `<name>`, along z, at the time of the sample."),
     series("torque_<name>_x", "N·m",
-        "Torque of the bodies on this surface about an axis along x, at the time of the sample. If the field `motion` of the surface is \
-         `moving` and the surface turns, this axis passes through the pivot (the point about which the surface turns). In all other cases, \
-         the axis passes through the origin of the coordinates."),
+        "Torque of the bodies on the surface `<name>` about an axis along x, at the time of the sample. If the field `motion` of the \
+         surface is `moving` and the surface turns, this axis passes through the pivot (the point about which the surface turns). In all \
+         other cases, the axis passes through the origin of the coordinates."),
     series("torque_<name>_y", "N·m",
-        "Torque of the bodies on this surface about an axis along y. This axis passes through the same point as the axis of \
+        "Torque of the bodies on the surface `<name>` about an axis along y. This axis passes through the same point as the axis of \
          `torque_<name>_x`."),
     series("torque_<name>_z", "N·m",
-        "Torque of the bodies on this surface about an axis along z. This axis passes through the same point as the axis of \
+        "Torque of the bodies on the surface `<name>` about an axis along z. This axis passes through the same point as the axis of \
          `torque_<name>_x`."),
 ];
 

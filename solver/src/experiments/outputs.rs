@@ -182,7 +182,8 @@ pub(super) const KINETIC_ENERGY: SeriesRow = SeriesRow {
     ..series(
         "kinetic_energy",
         "J",
-        "Kinetic energy of all bodies, from translation and rotation. Negative times are the times before t = 0.",
+        "Kinetic energy of all bodies, from translation and rotation. In `hopper`, `bend` and `slide`, the series also has the time before \
+         t = 0, as negative times.",
     )
 };
 pub(super) const BONDS_INTACT: SeriesRow = SeriesRow {
@@ -190,7 +191,8 @@ pub(super) const BONDS_INTACT: SeriesRow = SeriesRow {
     ..series(
         "bonds_intact_fraction",
         "1",
-        "Share of unbroken bonds among all bonds. Negative times are the times before t = 0.",
+        "Share of unbroken bonds among all bonds. In `hopper`, `bend` and `slide`, the series also has the time before t = 0, as negative \
+         times.",
     )
 };
 

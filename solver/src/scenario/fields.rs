@@ -17,7 +17,8 @@ const SECTION_PARTS: &[&[Section]] = &[PHYSICS, OWN_SECTIONS, NUMERICS];
 #[rustfmt::skip]
 const PHYSICS: &[Section] = &[
     section("/product", None,
-        "This section describes the bodies and their sub-particles. A body is a fillet, a block or a single sphere."),
+        "This section describes the bodies and their sub-particles. A body is a fillet, a block of tissue (only in `compress`) or a single \
+         sphere."),
     section("/material", None, "This section has the elastic constants of the tissue."),
     section("/bonds", None, "This section describes the bonds between the sub-particles of a body."),
     section("/contact", None, "This section describes the contacts of sub-particles with each other and with the equipment."),
@@ -96,7 +97,7 @@ const HEAD: &[Field] = &[
 #[rustfmt::skip]
 const SEED: &[Field] = &[
     integer("/seed", 1, from_to(0.0, 9_007_199_254_740_991.0), "numerics",
-        "Start value of all random numbers. With another seed, the random positions and angles are different."),
+        "Start value of all random numbers. With another seed, the random start positions and angles of the bodies are different."),
 ];
 
 /// The fields of the experiments' own sections.

@@ -45,7 +45,7 @@ fn runs(profile: &Profile) -> Vec<Run> {
 fn papers(scale: f64) -> (Value, Option<f64>) {
     match scale {
         s if s >= 9.0 => (json!(0.5), Some(0.5)),
-        s if s <= 0.3 => (json!("0.78, falling to 0.05; 0.2 where the growth begins"), Some(0.15)),
+        s if s <= 0.3 => (json!("falls from 0.78 to 0.05, then grows from about 0.2"), Some(0.15)),
         _ => (Value::Null, None),
     }
 }
@@ -64,7 +64,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         let row = row.note(fillets_note(profile, results, &scale_name(*scale)));
         rows.push(match demand {
             Some(about) => row.demand(Demand::Near(about, ABOUT * about)).note(format!(
-                "the value of the paper is about {about} s; the demand allows a quarter more or less"
+                "the demand takes {about} s as the value of the paper, and allows a quarter more or less"
             )),
             None => row,
         });

@@ -87,7 +87,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             Row::new(
                 NAME,
                 format!(
-                    "number of steps to a faster impact after which more bonds stay intact, {multiple}, {}",
+                    "number of steps at which more bonds stay intact at the higher speed than at the lower speed, {multiple}, {}",
                     orientation.0
                 ),
                 "",

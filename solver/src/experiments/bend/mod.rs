@@ -27,11 +27,11 @@ const RESPONSES: &[ResponseDefinition] = &[
         "Mean bend angle after the fillet came to rest. If the fillet did not come to rest, the response is the mean bend angle over the \
          last second. If the fillet fell off or tore, the response is the maximum bend angle before this event.").headline(),
     number("tip_deflection_m", "m",
-        "Distance by which the last layer of sub-particles at the tail sank, for the support `clamped`. The response is a mean over the \
-         same time as in `bend_angle_deg`. For the other supports, the response is null.").headline(),
+        "For the support `clamped`: distance by which the last layer of sub-particles at the tail sank from its start position. The \
+         response is a mean over the same time as in `bend_angle_deg`. For the other supports, the response is null.").headline(),
     number("time_to_rest_s", "s",
-        "Time at which the fillet came to rest. Null if the fillet did not come to rest. Also null if the support is `off_ledge` and the \
-         conveyor moves.").headline(),
+        "Time at which the fillet came to rest. Null if the fillet did not come to rest, fell off or tore. Also null if the support is \
+         `off_ledge` and the conveyor moves.").headline(),
     number("bend_swing_deg", "°",
         "Swing of the fillet: half of the difference between the maximum and the minimum of the bend angle. Both values cover the same \
          time as in `bend_angle_deg`. Null if the fillet fell off or tore."),
@@ -52,7 +52,8 @@ const BEND_ANGLE: SeriesRow = series("bend_angle", "°",
     "Bend angle of the fillet. The series ends when the fillet falls off or tears.").headline();
 #[rustfmt::skip]
 const TIP_DEFLECTION: SeriesRow = series("tip_deflection", "m",
-    "Distance by which the last layer of sub-particles at the tail sank. The series ends when the fillet falls off or tears.").headline();
+    "Distance by which the last layer of sub-particles at the tail sank from its start position. The series ends when the fillet falls off \
+     or tears.").headline();
 
 pub(super) const OUTPUTS: Outputs = Outputs {
     responses: RESPONSES,

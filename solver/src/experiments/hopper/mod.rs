@@ -38,12 +38,13 @@ const RESPONSES: &[ResponseDefinition] = &[
     word("regime",
         "Kind of discharge, from the ratio q (the response `lowest_rate_ratio`). `no_flow`: q is below 0.15, and less than 95 % of the \
          filled mass is out. `inconsistent` (uneven): q is below 0.55, and the regime is not `no_flow`. `constant`: q is 0.55 or more. \
-         `outrun`: the belt at its capacity would empty the hopper within 0.5 s, so q has no meaning. `too_short`: less than 4 s were \
-         simulated after t = 0, less than 80 % of the filled mass is out, and the simulation did not end with an empty or jammed hopper. \
-         Null if the belt capacity is null or 0.").headline(),
+         `outrun`: the belt at its capacity would empty the hopper within 0.5 s. For such a fast belt, q has no meaning. If almost nothing \
+         flows on such a fast belt, the regime is `no_flow`. `too_short`: the simulation is too short to decide. The simulation ended \
+         before t = 4 s, with less than 80 % of the filled mass out, and did not end because of an empty or jammed hopper. Null if the \
+         belt capacity is null or 0.").headline(),
     number("effective_throughput_kg_s", "kg/s",
-        "95 % of the filled mass, divided by the time at which this mass was out. Null if less than 95 % of the filled mass came out. \
-         The paper gives a throughput of 7.6 kg/s, but no definition. The definition of this response is therefore an assumption.").headline(),
+        "95 % of the filled mass, divided by the time at which this mass was out. Null if less than 95 % of the filled mass came out. The \
+         paper gives a throughput of 7.6 kg/s, but no definition. The definition of this response is therefore an assumption.").headline(),
     number("mean_rate_kg_s", "kg/s",
         "Mean discharge rate from t = 0.5 s until 80 % of the filled mass is out. The first 0.5 s do not count, because \
          fillets spill out when the shutter opens.").headline(),
@@ -58,7 +59,7 @@ const RESPONSES: &[ResponseDefinition] = &[
     number("discharged_kg", "kg", "Mass that has passed the gate plane by the end of the simulation.").headline(),
     number("discharged_kg_at_4s", "kg",
         "Mass that has passed the gate plane by t = 4 s. If an empty or jammed hopper ended the simulation earlier, the response is the \
-         mass at the end. Null if the simulation ended before 4 s for another reason.").headline(),
+         mass that has passed by the end. Null if the simulation ended before 4 s for another reason.").headline(),
     number("time_to_95_percent_s", "s",
         "Time at which 95 % of the filled mass was out. Null if less than 95 % came out.").headline(),
     number("time_to_99_percent_s", "s",
@@ -70,8 +71,9 @@ const RESPONSES: &[ResponseDefinition] = &[
         "Simulated time from the moment at which the fillets begin to drop until they are at rest in the hopper."),
     number("bulk_density_kg_m3", "kg/m³",
         "Filled mass divided by the volume of the bed. The bed consists of all fillets in the hopper at t = 0. The volume of the bed is \
-         the floor area of the hopper times the bed height. On 95 % of the floor area, the bed is at most as high as the bed height. Soft \
-         fillets overlap, so the bulk density can be above the density of a fillet."),
+         the floor area of the hopper times the bed height. On 95 % of the floor area, the bed is at most as high as the bed height. In \
+         the model, fillets can penetrate each other and then share the same space. Therefore the bulk density can be above the density of \
+         a fillet."),
     number("interpenetrated_fraction", "",
         "Share of the sub-particles that lie inside another fillet when the belt starts. The lattice of a fillet consists of cubic cells \
          with a sub-particle at each corner. A sub-particle lies inside a fillet if its centre is in one of these cells."),
@@ -94,14 +96,14 @@ const RESPONSES: &[ResponseDefinition] = &[
         "The ratio q: the lowest discharge rate, divided by `belt_capacity_kg_s`. The lowest rate is the minimum of the running mean \
          over 1 s, from t = 0.5 s until 80 % of the filled mass is out."),
     number("linearity_r2", "",
-        "Coefficient of determination R² of a straight line through the series `discharged_mass`. The line covers the time from t = 0 \
-         to `linearity_until_s`."),
+        "Coefficient of determination R² (not the square of the radius R) of a straight line through the series `discharged_mass`. The \
+         line covers the time from t = 0 to `linearity_until_s`."),
     number("linearity_until_s", "s",
         "Time at which the straight line of `linearity_r2` ends: t = 4 s. The line ends earlier if 80 % of the filled mass was out \
          before 4 s, or if the simulation ended before 4 s."),
     number("greatest_height_m", "m",
-        "Height of the top of the highest sub-particle that is in the hopper at the end. Roost measures this height from the plane z = \
-         0. A fillet that hangs on a wall also counts. Null if no sub-particle is in the hopper."),
+        "Height of the top of the highest sub-particle that is in the hopper at the end. Roost measures this height from the plane z = 0 \
+         (by default, the surface of the belt). A fillet that hangs on a wall also counts. Null if no sub-particle is in the hopper."),
     number("residence_mean_s", "s",
         "Mean residence time of the fillets that left. The residence time of a fillet runs from t = 0 until its centre of mass passes \
          the gate plane. For a fillet of the feed, the residence time starts when this fillet enters.").headline(),
@@ -124,8 +126,8 @@ const RESPONSES: &[ResponseDefinition] = &[
     number("largest_curl_angle_deg", "°",
         "Maximum bend angle of a single fillet, among the fillets and samples that count for `curl_angle_deg`."),
     number("fed_kg", "kg",
-        "Mass that the feed has brought in. This mass is less than `feed_kg_s` × time if fillets found no free place above the hopper. \
-         If the difference is large, the result has the warning `feed_short`."),
+        "Mass that the feed has brought in. If some fillets found no free place above the hopper, this mass is less than `feed_kg_s` times \
+         the time since t = 0. If the difference is large, the result has the warning `feed_short`."),
     number("inside_kg", "kg", "Mass in the hopper at the end. This mass has not passed the gate."),
     number("steady_rate_kg_s", "kg/s",
         "Mean discharge rate of a hopper with a feed, over the second half of the time from t = 0 to the end. Null without a feed. Also \
@@ -140,8 +142,9 @@ const RESPONSES: &[ResponseDefinition] = &[
          the second half of the time from t = 0 to the end."),
     number("max_belt_power_w", "W", "Maximum of the series `belt_power`."),
     number("mean_gate_force_n", "N",
-        "Mean force on the surface with the name `gate`, after t = 0, until 80 % of the filled mass is out. For a hopper with a feed, the \
-         mean covers the second half of the time from t = 0 to the end. Null if no surface has the name `gate`."),
+        "Mean force on the surface with the name `gate`, such as Roost's own gate. The mean covers the time after t = 0 until 80 % of the \
+         filled mass is out. For a hopper with a feed, the mean covers the second half of the time from t = 0 to the end. Null if no \
+         surface has the name `gate`."),
     number("max_gate_force_n", "N",
         "Maximum force on the surface with the name `gate`, over all samples after t = 0. Null if no surface has the name `gate`."),
     WARNING_COUNT,

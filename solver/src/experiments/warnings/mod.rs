@@ -46,7 +46,7 @@ const UNSTABLE_TIMESTEP: WarningKind = kind(
 );
 const WHOLE_SPHERES: WarningKind = kind(
     "whole_spheres",
-    "The field `/product/fill` is `whole_spheres`: each sub-particle lies completely inside the shape of the body. A gap then remains \
+    "The field `/product/fill` is \"whole_spheres\": each sub-particle lies completely inside the shape of the body. A gap then remains \
      between the sub-particles and the surface of the shape. Therefore the simulated body is up to 2R thinner than the shape in the \
      scenario.",
     "Set /product/fill to \"centres\", or choose a smaller /product/subparticle_radius_m.",
@@ -66,9 +66,9 @@ const SOFT_TISSUE: WarningKind = kind(
 );
 const SLOW_BELT: WarningKind = kind(
     "slow_belt",
-    "During the jam time, the belt moves by less than three diameters of a sub-particle. Steady flow may then count as a jam. The jam time \
-     is the shorter one of the times `/numerics/jam_after_s` and `/numerics/stop/when_jammed_s`. If `/numerics/stop/when_jammed_s` is \
-     null, the jam time is `/numerics/jam_after_s`.",
+    "The jam time is the shorter one of the times `/numerics/jam_after_s` and `/numerics/stop/when_jammed_s`. If \
+     `/numerics/stop/when_jammed_s` is null, the jam time is `/numerics/jam_after_s`. During the jam time, the belt moves by less than \
+     three diameters of a sub-particle. Steady flow may then count as a jam.",
     "Raise /numerics/jam_after_s. If /numerics/stop/when_jammed_s is shorter than /numerics/jam_after_s, also raise \
      /numerics/stop/when_jammed_s.",
 );
@@ -100,13 +100,13 @@ const DEEP_OVERLAP: WarningKind = kind(
 );
 const DENSE_BED: WarningKind = kind(
     "dense_bed",
-    "The response `bulk_density_kg_m3` is above the density of a fillet: the fillets overlap.",
+    "The response `bulk_density_kg_m3` is above the density of a fillet: the fillets overlap (they share the same space).",
     "Expect that the masses and rates of this result are too high. The estimated factor of this error is the bulk density divided by the \
      density of a fillet. To reduce the overlap, raise /material/youngs_modulus_pa, and simulate again.",
 );
 const INTERPENETRATION: WarningKind = kind(
     "interpenetration",
-    "The response `interpenetrated_fraction` is above 0.02: sub-particles lie inside other fillets.",
+    "The response `interpenetrated_fraction` is above 0.02: more than 2 % of the sub-particles lie inside other fillets.",
     "Set /contact/fillet_fillet_radius_ratio to 1.225, and simulate again. With this value, the sub-particles of a fillet are too large to \
      enter the gaps between the sub-particles of another fillet. Compare the new result with the result that has this warning.",
 );
@@ -126,16 +126,16 @@ pub(super) const NO_REGIME: WarningKind = kind(
      hopper. The belt capacity is the mass per second that the belt carries out when fillets fill the whole opening under the gate.",
     "If /equipment/parametric is true, set /equipment/belt_speed_m_s to a value above 0. If /equipment/parametric is false, set \
      /equipment/opening_width_m and /equipment/opening_height_m. The list /equipment/surfaces must then also have a belt (a surface with \
-     the motion \"belt\" and the presence \"always\") that extends through the gate plane x = 0. All belts through this plane must have the same speed, and this speed \
-     along x must be above 0.",
+     the motion \"belt\" and the presence \"always\") that extends through the gate plane x = 0. All belts through this plane must have \
+     the same speed, and this speed along x must be above 0.",
 );
 
 /// A feed that did not bring its mass.
 pub(super) const FEED_SHORT: WarningKind = kind(
     "feed_short",
     "The feed brought in less mass (`fed_kg`) than the planned mass, because some fillets found no free place above the hopper. The \
-     planned mass is `feed_kg_s` times the time since t = 0. The difference between the two masses is more than 1 % of the planned mass, \
-     and more than the mass of one fillet.",
+     planned mass is `/equipment/feed_kg_s` times the time since t = 0. The difference between the two masses is more than 1 % of the \
+     planned mass, and more than the mass of one fillet.",
     "Reduce /equipment/feed_kg_s, or make the belt carry out more mass per second, for example with a higher belt speed. You can also \
      reduce /numerics/output_interval_s: Roost then tries more often to find a free place for the next fillet.",
 );

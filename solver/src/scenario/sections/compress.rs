@@ -38,8 +38,8 @@ pub enum Plates {
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     field("/compress/lattice", FieldKind::Counts(from_to(1.0, 200.0)), "", Preset::Counts([10, 10, 3]), "section 2.3.2",
-        "Numbers of sub-particles of the block along x, y and z. For example, with R = 1.75 mm, a block of 10 × 10 × 3 sub-particles \
-         measures 35 × 35 × 10.5 mm."),
+        "Numbers of sub-particles of the block along x, y and z (upwards). For example, with R = 1.75 mm, a block of 10 × 10 × 3 \
+         sub-particles measures 35 × 35 × 10.5 mm."),
     number("/compress/strain_rate_1_s", "1/s", 0.05, above_to(0.0, 10.0), "assumed",
         "Strain rate: change of the strain per second. The paper compresses a block of 10 mm height at 1 mm/min. This speed is a strain \
          rate of 0.0017 1/s."),

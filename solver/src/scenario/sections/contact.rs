@@ -57,8 +57,8 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
          on the belt. If you set one of these two fields yourself, Roost uses your value."),
     nullable("/contact/surface_energy_radius_m", "m", above_to(0.0, 0.05), "assumed",
         "Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, Roost uses the energy γ R/R₀. On \
-         equipment, the maximum adhesion force per area is then 3πγ/(4 R₀). This force per area does not depend on R. The force per area \
-         of a liquid film does not depend on R either. Null: Roost uses γ unchanged at every radius."),
+         equipment, the maximum adhesion force per area is then 3πγ/(4 R₀). This force per area does not depend on R. For a liquid film, \
+         the force per area is a property of the film, and also does not depend on R. Null: Roost uses γ unchanged at every radius."),
     number("/contact/fillet_fillet/static_friction", "", 0.1, FRICTION, "Table 2",
         "Coulomb coefficient of friction between fillets."),
     number("/contact/fillet_fillet/restitution", "", 1e-4, RESTITUTION, "Table 2",
@@ -68,9 +68,8 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
          fillets is the surface tension of water at 20 °C (assumed).")
         .wet(0.0728),
     number("/contact/fillet_fillet_radius_ratio", "", 1.0, RADIUS_RATIO, "assumed",
-        "Radius of a sub-particle in contacts with other fillets, divided by `/product/subparticle_radius_m`. With the value 1, a \
-         sub-particle of one fillet can enter a gap between the sub-particles of another fillet. With the value 1.225, a sub-particle is \
-         too large to enter these gaps.")
+        "Radius of a sub-particle in contacts with other fillets, divided by R. With the value 1, a sub-particle of one fillet can enter a \
+         gap between the sub-particles of another fillet. With the value 1.225, a sub-particle is too large to enter these gaps.")
         .by_name(),
     number("/contact/fillet_equipment/static_friction", "", 0.5, FRICTION, "Table 2",
         "Coulomb coefficient of friction on walls, gates and plates. Dry and wet fillets have the same coefficient (Fig. 8b)."),

@@ -77,8 +77,8 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
          friction, for a slice (narrow part) of a wide hopper. `periodic`: no walls. With `periodic`, a fillet that leaves on one side \
          enters on the other side."),
     number("/equipment/belt_speed_m_s", "m/s", 0.25, from_to(0.0, 10.0), "section 2.4",
-        "Speed of the belt from t = 0 on. The paper's belt runs at 15 m/min. If `parametric` is false, the velocity of the belt in \
-         `surfaces` replaces this field.")
+        "Speed of the belt from t = 0 on. The paper's belt runs at 15 m/min (0.25 m/s). If `parametric` is false, the velocity of the belt \
+         in `surfaces` replaces this field.")
         .acts_from_start(),
     flag("/equipment/shutter_while_filling", true, "assumed",
         "Whether a shutter closes the opening under the gate until the belt starts."),
@@ -111,9 +111,9 @@ pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
             "This section describes the hopper, the gate and the belt. The default width and length of the hopper (Fig. 5) are derived \
              from other numbers of the paper."),
         list("/equipment/surfaces", "/scene/surfaces/*", MAX_SURFACES, Some("hopper"),
-            "This list has your own surfaces, such as parts from a CAD model. If `parametric` is true, Roost adds them to the \
-             surfaces that it makes itself. If `parametric` is false, the hopper has only the surfaces of this list. The fields are \
-             the same as in `/scene/surfaces` of the experiment `scene`."),
+            "This list has your own surfaces, such as parts from a CAD model. If `parametric` is true, Roost adds these surfaces to the \
+             surfaces that it makes itself. If `parametric` is false, the hopper has only the surfaces of this list. The fields are the \
+             same as in `/scene/surfaces` of the experiment `scene`."),
     ],
     fields: FIELDS,
     takes: &[

@@ -19,7 +19,8 @@ pub struct Material {
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/material/youngs_modulus_pa", "Pa", 48_600.0, from_to(100.0, 1e10), "Table 2",
-        "Young's modulus of the tissue."),
+        "Young's modulus of the tissue, which Roost uses for each sub-particle. With the default values, the stiffness of a whole fillet \
+         comes mostly from its bonds."),
     number("/material/poisson_ratio", "", 0.37, between(-1.0, 0.5), "Table 2",
-        "Poisson's ratio of the tissue."),
+        "Poisson's ratio of the tissue, which Roost uses for each sub-particle."),
 ];

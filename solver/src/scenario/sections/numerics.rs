@@ -74,9 +74,9 @@ const TIME: Range = above_to(0.0, 600.0);
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     field("/numerics/timestep_s", FieldKind::NumberOrAuto(from_to(1e-9, 0.1)), "s", Preset::Number(5.75e-5), "Table 2",
-        "Time step of the simulation. Above a certain time step, the stability limit, the simulation can become unstable (numerical \
-         errors grow without limit). `auto`: Roost computes a time step safely below this limit, from stiffness, mass, damping and the \
-         speed at the start."),
+        "Time step of the simulation. Above a certain time step, the stability limit, the simulation can become unstable (numerical errors \
+         grow without limit). `auto`: Roost computes a time step safely below this limit. The computation uses stiffness, mass, damping \
+         and the maximum speed of a body at the start."),
     number("/numerics/duration_s", "s", 6.0, TIME, "numerics",
         "Maximum simulated time after t = 0. At t = 0, the belt or the test starts.")
         .acts_from_start()
@@ -99,8 +99,8 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         .acts_from_start()
         .by_name(),
     flag("/numerics/stop/when_done", true, "numerics",
-        "Whether the simulation ends as soon as its result is known. For example, the result is known when the fillets rest, when the \
-         fillet slides, or when the block is compressed.")
+        "Whether the simulation ends as soon as its result is known. The result is known when the bodies are at rest (`drop`, `bend`, \
+         `scene`), when the fillet slides (`slide`), or when the strain reaches `max_strain` (`compress`).")
         .acts_from_start()
         .by_name(),
     number("/numerics/gravity_m_s2", "m/s²", 9.81, from_to(0.0, 100.0), "assumed",

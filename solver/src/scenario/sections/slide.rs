@@ -28,7 +28,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/slide/max_tilt_deg", "°", 60.0, from_to(1.0, 89.0), "assumed",
         "Maximum tilt of the plate. At this tilt, the simulation ends."),
     number("/slide/yaw_deg", "°", 0.0, ANGLE, "assumed",
-        "Yaw of the fillet: its direction on the plate. At 0°, the length of the fillet points up the slope."),
+        "Yaw of the fillet: its direction on the plate. At 0°, the fillet lies along the slope, with its tail (the narrow end) uphill."),
     number("/slide/scatter_deg", "°", 0.0, SCATTER, "assumed",
         "Maximum random deviation of the fillet's yaw from `yaw_deg`. The random numbers depend on `/seed`."),
 ];

@@ -89,8 +89,9 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     field("/scene/surfaces/*/name", FieldKind::Text, "", Preset::Required, "assumed",
         "Name of the surface in messages and series. Two surfaces must not have the same name."),
     field("/scene/surfaces/*/mesh", FieldKind::Mesh, "", Preset::Null, "assumed",
-        "Triangles of the surface, from an STL file. Set either `mesh` or `plate_m`. If the normals of a closed part point outwards, the \
-         part is solid. If fillets are inside a closed box, the normals of the box must point inwards."),
+        "Triangles of the surface, from an STL file. Set either `mesh` or `plate_m`. The normal of a triangle is a direction at a right \
+         angle to the triangle. If the normals of a closed part point outwards, the part is solid. If fillets are inside a closed box, the \
+         normals of the box must point inwards."),
     field("/scene/surfaces/*/plate_m", FieldKind::Plate(PLACE), "m", Preset::Null, "assumed",
         "Flat plate (parallelogram), instead of `mesh`: one corner, and two edges as vectors from this corner."),
     choice("/scene/surfaces/*/kind", &["equipment", "belt", "frictionless"], "Table 2",
