@@ -158,7 +158,7 @@ fn mesh_of_a_block_has_the_same_fill_as_the_block() {
         // Somewhere in the file, and cut into more triangles.
         let there = DVec3::new(0.1, -0.2, 0.05);
         let mesh = mesh(&cuboid(there, there + size, 3));
-        for fill in [Fill::Centres, Fill::WholeSpheres] {
+        for fill in [Fill::Centres, Fill::WholeSpheres, Fill::Volume] {
             let filled = from_mesh(&mesh, RADIUS, fill, 1).expect("closed");
             assert!(same_points(&filled, &made), "{n:?}: {} points", filled.points.len());
             assert_eq!(filled.bonds, made.bonds);
@@ -194,6 +194,13 @@ fn a_lattice_fills_a_ball_to_its_volume() {
     // A sphere of 4 mm is whole within 46 mm of the middle, 0.25 mm less at the triangles' middles.
     let farthest = whole.points.iter().map(|p| p.length()).fold(0.0, f64::max);
     assert!(farthest < 0.046 && farthest > 0.043, "{farthest}");
+    // At any radius, as many cells as have the volume of the ball, within half a group of equally covered cells. A ball has the largest groups.
+    for radius in [0.003, 0.004, 0.0055, 0.007] {
+        let filled = from_mesh(&mesh, radius, Fill::Volume, 1).expect("closed");
+        assert_close(filled.points.len() as f64 * (2.0 * radius).powi(3), filled.volume_m3, 0.05);
+    }
+    let refused = from_mesh(&mesh, 0.001, Fill::Volume, 1).expect_err("too fine");
+    assert!(refused.to_string().ends_with("at most 5e4 are taken"), "{refused}");
     let centres = from_mesh(&mesh, 0.004, Fill::Centres, 1).expect("closed");
     assert!(whole.points.len() < centres.points.len());
 }

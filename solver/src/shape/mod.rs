@@ -73,13 +73,15 @@ pub enum ShapeError {
     },
     /// The lattice has too many points to fill in reasonable time.
     #[error(
-        "sub-particles of radius {radius_m} m make {cells:.1e} lattice points in the shape's box, at most {MAX_LATTICE_CELLS:.0e} are taken"
+        "sub-particles of radius {radius_m} m make {cells:.1e} lattice points in the shape's box, at most {most:.0e} are taken"
     )]
     TooFine {
         /// Radius of the sub-particles, in metres.
         radius_m: f64,
         /// Lattice points in the box.
         cells: f64,
+        /// The maximum for the rule of the fill.
+        most: f64,
     },
     /// The lattice is so coarse that no point lies inside.
     #[error("no sub-particle of radius {radius_m} m fits inside the shape, which is {} × {} × {} m", .size_m[0], .size_m[1], .size_m[2])]
@@ -103,6 +105,8 @@ pub enum ShapeError {
 
 /// Maximum number of lattice points in the box of a mesh or a block: seconds of work.
 pub(crate) const MAX_LATTICE_CELLS: f64 = 2e6;
+/// The same for a fill by volume, which tests many points of each cell.
+const MAX_SAMPLED_CELLS: f64 = 5e4;
 
 /// Key of the fill cache: shape, radius, fill rule and highest bond class.
 type FillKey = (ShapeKey, u64, Fill, u32);
@@ -189,8 +193,9 @@ pub fn from_block(counts: [u32; 3], radius_m: f64, reach: u32) -> Result<Arc<Met
 fn filled(shape: &impl Shape, radius_m: f64, fill: Fill, reach: u32) -> Result<MetaParticle, ShapeError> {
     // The fill covers one layer more on either side.
     let cells = (shape.layers(2.0 * radius_m).as_dvec3() + 2.0).element_product();
-    if cells > MAX_LATTICE_CELLS {
-        return Err(ShapeError::TooFine { radius_m, cells });
+    let most = if fill == Fill::Volume { MAX_SAMPLED_CELLS } else { MAX_LATTICE_CELLS };
+    if cells > most {
+        return Err(ShapeError::TooFine { radius_m, cells, most });
     }
     let (meta, discarded) = MetaParticle::fill_counting_discarded(shape, radius_m, fill, reach);
     match meta.points.len() {

@@ -77,8 +77,8 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "Length, width and thickness of each size of fillet.")
         .by_name(),
     field("/product/shape", FieldKind::NullableInteger(from_to(0.0, 63.0)), "", Preset::Null, "Fig. 1",
-        "All fillets have the shape with this number. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3 to the second size, \
-         and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in turn.")
+        "Number of the shape of all fillets. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3 to the second size, and so \
+         on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in turn.")
         .by_name(),
     field("/product/mesh", FieldKind::Mesh, "", Preset::Null, "section 2.2",
         "Closed mesh (triangles from an STL file) that gives all fillets their shape. Null: the fillets are teardrops with the sizes in \
