@@ -36,18 +36,18 @@ class MeshDigest(TypedDict):
 
 
 class HopperEquipmentSurfacesItem(TypedDict, total=False):
-    """This list has your own surfaces, such as parts from a CAD model. If `parametric` is true, Roost adds them to the
-    surfaces that it makes itself. If `parametric` is false, the hopper has only the surfaces of this list. The fields
-    are the same as in `/scene/surfaces` of the experiment `scene`."""
+    """This list has your own surfaces, such as parts from a CAD model. If `parametric` is true, Roost adds these
+    surfaces to the surfaces that it makes itself. If `parametric` is false, the hopper has only the surfaces of this
+    list. The fields are the same as in `/scene/surfaces` of the experiment `scene`."""
 
     kind: Literal["equipment", "belt", "frictionless"]
     """Kind of the surface, which selects its contact parameters. `equipment`: the parameters of
     `/contact/fillet_equipment`. `belt`: the parameters of `/contact/fillet_belt`. `frictionless`: as `equipment`, but
     without friction. Source: Table 2. Default: "equipment"."""
     mesh: MeshFile | MeshDigest | None
-    """Triangles of the surface, from an STL file. Set either `mesh` or `plate_m`. If the normals of a closed part point
-    outwards, the part is solid. If fillets are inside a closed box, the normals of the box must point inwards. Source:
-    assumed. Default: null."""
+    """Triangles of the surface, from an STL file. Set either `mesh` or `plate_m`. The normal of a triangle is a
+    direction at a right angle to the triangle. If the normals of a closed part point outwards, the part is solid. If
+    fillets are inside a closed box, the normals of the box must point inwards. Source: assumed. Default: null."""
     motion: Literal["fixed", "belt", "moving"]
     """Motion of the surface from t = 0 on. `fixed`: no motion. `belt`: the surface stays in its place, but its material
     runs like a belt. `moving`: the whole surface moves and turns. Source: assumed. Default: "fixed"."""
@@ -104,9 +104,9 @@ class SceneSurfacesItem(TypedDict, total=False):
     `/contact/fillet_equipment`. `belt`: the parameters of `/contact/fillet_belt`. `frictionless`: as `equipment`, but
     without friction. Source: Table 2. Default: "equipment"."""
     mesh: MeshFile | MeshDigest | None
-    """Triangles of the surface, from an STL file. Set either `mesh` or `plate_m`. If the normals of a closed part point
-    outwards, the part is solid. If fillets are inside a closed box, the normals of the box must point inwards. Source:
-    assumed. Default: null."""
+    """Triangles of the surface, from an STL file. Set either `mesh` or `plate_m`. The normal of a triangle is a
+    direction at a right angle to the triangle. If the normals of a closed part point outwards, the part is solid. If
+    fillets are inside a closed box, the normals of the box must point inwards. Source: assumed. Default: null."""
     motion: Literal["fixed", "belt", "moving"]
     """Motion of the surface from t = 0 on. `fixed`: no motion. `belt`: the surface stays in its place, but its material
     runs like a belt. `moving`: the whole surface moves and turns. Source: assumed. Default: "fixed"."""
@@ -197,40 +197,45 @@ class DropNumericsStop(TypedDict, total=False):
     """These conditions end a simulation before its duration is over."""
 
     when_done: bool
-    """Whether the simulation ends as soon as its result is known. For example, the result is known when the fillets
-    rest, when the fillet slides, or when the block is compressed. Source: numerics. Default: true."""
+    """Whether the simulation ends as soon as its result is known. The result is known when the bodies are at rest
+    (`drop`, `bend`, `scene`), when the fillet slides (`slide`), or when the strain reaches `max_strain` (`compress`).
+    Source: numerics. Default: true."""
 
 
 class BendNumericsStop(TypedDict, total=False):
     """These conditions end a simulation before its duration is over."""
 
     when_done: bool
-    """Whether the simulation ends as soon as its result is known. For example, the result is known when the fillets
-    rest, when the fillet slides, or when the block is compressed. Source: numerics. Default: true."""
+    """Whether the simulation ends as soon as its result is known. The result is known when the bodies are at rest
+    (`drop`, `bend`, `scene`), when the fillet slides (`slide`), or when the strain reaches `max_strain` (`compress`).
+    Source: numerics. Default: true."""
 
 
 class SlideNumericsStop(TypedDict, total=False):
     """These conditions end a simulation before its duration is over."""
 
     when_done: bool
-    """Whether the simulation ends as soon as its result is known. For example, the result is known when the fillets
-    rest, when the fillet slides, or when the block is compressed. Source: numerics. Default: true."""
+    """Whether the simulation ends as soon as its result is known. The result is known when the bodies are at rest
+    (`drop`, `bend`, `scene`), when the fillet slides (`slide`), or when the strain reaches `max_strain` (`compress`).
+    Source: numerics. Default: true."""
 
 
 class CompressNumericsStop(TypedDict, total=False):
     """These conditions end a simulation before its duration is over."""
 
     when_done: bool
-    """Whether the simulation ends as soon as its result is known. For example, the result is known when the fillets
-    rest, when the fillet slides, or when the block is compressed. Source: numerics. Default: true."""
+    """Whether the simulation ends as soon as its result is known. The result is known when the bodies are at rest
+    (`drop`, `bend`, `scene`), when the fillet slides (`slide`), or when the strain reaches `max_strain` (`compress`).
+    Source: numerics. Default: true."""
 
 
 class SceneNumericsStop(TypedDict, total=False):
     """These conditions end a simulation before its duration is over."""
 
     when_done: bool
-    """Whether the simulation ends as soon as its result is known. For example, the result is known when the fillets
-    rest, when the fillet slides, or when the block is compressed. Source: numerics. Default: false."""
+    """Whether the simulation ends as soon as its result is known. The result is known when the bodies are at rest
+    (`drop`, `bend`, `scene`), when the fillet slides (`slide`), or when the strain reaches `max_strain` (`compress`).
+    Source: numerics. Default: false."""
     when_empty: bool
     """Whether the simulation ends when no body is left. In a hopper, every fillet has then passed the gate. In a scene,
     every body has then left the simulated space. Source: numerics. Default: true."""
@@ -296,14 +301,14 @@ class HopperContact(TypedDict, total=False):
     fillet_fillet: ContactFilletFillet
     """These values apply to contacts between two sub-particles."""
     fillet_fillet_radius_ratio: float
-    """Radius of a sub-particle in contacts with other fillets, divided by `/product/subparticle_radius_m`. With the
-    value 1, a sub-particle of one fillet can enter a gap between the sub-particles of another fillet. With the value
-    1.225, a sub-particle is too large to enter these gaps. Source: assumed. Default: 1.0. Range: ≥ 1 and ≤ 1.5."""
+    """Radius of a sub-particle in contacts with other fillets, divided by R. With the value 1, a sub-particle of one
+    fillet can enter a gap between the sub-particles of another fillet. With the value 1.225, a sub-particle is too
+    large to enter these gaps. Source: assumed. Default: 1.0. Range: ≥ 1 and ≤ 1.5."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, Roost uses the
     energy γ R/R₀. On equipment, the maximum adhesion force per area is then 3πγ/(4 R₀). This force per area does not
-    depend on R. The force per area of a liquid film does not depend on R either. Null: Roost uses γ unchanged at every
-    radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    depend on R. For a liquid film, the force per area is a property of the film, and also does not depend on R. Null:
+    Roost uses γ unchanged at every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class DropContact(TypedDict, total=False):
@@ -322,8 +327,8 @@ class DropContact(TypedDict, total=False):
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, Roost uses the
     energy γ R/R₀. On equipment, the maximum adhesion force per area is then 3πγ/(4 R₀). This force per area does not
-    depend on R. The force per area of a liquid film does not depend on R either. Null: Roost uses γ unchanged at every
-    radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    depend on R. For a liquid film, the force per area is a property of the film, and also does not depend on R. Null:
+    Roost uses γ unchanged at every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class BendContact(TypedDict, total=False):
@@ -342,8 +347,8 @@ class BendContact(TypedDict, total=False):
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, Roost uses the
     energy γ R/R₀. On equipment, the maximum adhesion force per area is then 3πγ/(4 R₀). This force per area does not
-    depend on R. The force per area of a liquid film does not depend on R either. Null: Roost uses γ unchanged at every
-    radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    depend on R. For a liquid film, the force per area is a property of the film, and also does not depend on R. Null:
+    Roost uses γ unchanged at every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class SlideContact(TypedDict, total=False):
@@ -362,8 +367,8 @@ class SlideContact(TypedDict, total=False):
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, Roost uses the
     energy γ R/R₀. On equipment, the maximum adhesion force per area is then 3πγ/(4 R₀). This force per area does not
-    depend on R. The force per area of a liquid film does not depend on R either. Null: Roost uses γ unchanged at every
-    radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    depend on R. For a liquid film, the force per area is a property of the film, and also does not depend on R. Null:
+    Roost uses γ unchanged at every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class CompressContact(TypedDict, total=False):
@@ -382,8 +387,8 @@ class CompressContact(TypedDict, total=False):
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, Roost uses the
     energy γ R/R₀. On equipment, the maximum adhesion force per area is then 3πγ/(4 R₀). This force per area does not
-    depend on R. The force per area of a liquid film does not depend on R either. Null: Roost uses γ unchanged at every
-    radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    depend on R. For a liquid film, the force per area is a property of the film, and also does not depend on R. Null:
+    Roost uses γ unchanged at every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class SceneContact(TypedDict, total=False):
@@ -400,14 +405,14 @@ class SceneContact(TypedDict, total=False):
     fillet_fillet: ContactFilletFillet
     """These values apply to contacts between two sub-particles."""
     fillet_fillet_radius_ratio: float
-    """Radius of a sub-particle in contacts with other fillets, divided by `/product/subparticle_radius_m`. With the
-    value 1, a sub-particle of one fillet can enter a gap between the sub-particles of another fillet. With the value
-    1.225, a sub-particle is too large to enter these gaps. Source: assumed. Default: 1.0. Range: ≥ 1 and ≤ 1.5."""
+    """Radius of a sub-particle in contacts with other fillets, divided by R. With the value 1, a sub-particle of one
+    fillet can enter a gap between the sub-particles of another fillet. With the value 1.225, a sub-particle is too
+    large to enter these gaps. Source: assumed. Default: 1.0. Range: ≥ 1 and ≤ 1.5."""
     surface_energy_radius_m: float | None
     """Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, Roost uses the
     energy γ R/R₀. On equipment, the maximum adhesion force per area is then 3πγ/(4 R₀). This force per area does not
-    depend on R. The force per area of a liquid film does not depend on R either. Null: Roost uses γ unchanged at every
-    radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
+    depend on R. For a liquid film, the force per area is a property of the film, and also does not depend on R. Null:
+    Roost uses γ unchanged at every radius. Unit: m. Source: assumed. Default: null. Range: > 0 and ≤ 0.05."""
 
 
 class HopperEquipment(TypedDict, total=False):
@@ -415,8 +420,9 @@ class HopperEquipment(TypedDict, total=False):
     derived from other numbers of the paper."""
 
     belt_speed_m_s: float
-    """Speed of the belt from t = 0 on. The paper's belt runs at 15 m/min. If `parametric` is false, the velocity of the
-    belt in `surfaces` replaces this field. Unit: m/s. Source: section 2.4. Default: 0.25. Range: ≥ 0 and ≤ 10."""
+    """Speed of the belt from t = 0 on. The paper's belt runs at 15 m/min (0.25 m/s). If `parametric` is false, the
+    velocity of the belt in `surfaces` replaces this field. Unit: m/s. Source: section 2.4. Default: 0.25. Range: ≥ 0
+    and ≤ 10."""
     feed_kg_s: float
     """Feed: mass per second of the fillets that enter from above after t = 0. These fillets start at the height
     `hopper_height_m`, at random positions where they touch nothing. With the value 0, there is no feed. Unit: kg/s.
@@ -456,9 +462,9 @@ class HopperEquipment(TypedDict, total=False):
     """Whether the result has series of the force and the torque on each surface. Each surface adds six series to the
     result. Therefore the size of the result grows with the number of surfaces. Source: numerics. Default: false."""
     surfaces: Sequence[HopperEquipmentSurfacesItem]
-    """This list has your own surfaces, such as parts from a CAD model. If `parametric` is true, Roost adds them to the
-    surfaces that it makes itself. If `parametric` is false, the hopper has only the surfaces of this list. The fields
-    are the same as in `/scene/surfaces` of the experiment `scene`."""
+    """This list has your own surfaces, such as parts from a CAD model. If `parametric` is true, Roost adds these
+    surfaces to the surfaces that it makes itself. If `parametric` is false, the hopper has only the surfaces of this
+    list. The fields are the same as in `/scene/surfaces` of the experiment `scene`."""
     wall_slope_deg: float
     """Angle between the vertical direction and the back wall (the wall at the end of the hopper opposite the gate). If
     the angle is above 0, the hopper widens upwards. Unit: °. Source: assumed. Default: 0.0. Range: ≥ 0 and ≤ 80."""
@@ -468,9 +474,12 @@ class Material(TypedDict, total=False):
     """This section has the elastic constants of the tissue."""
 
     poisson_ratio: float
-    """Poisson's ratio of the tissue. Source: Table 2. Default: 0.37. Range: > -1 and < 0.5."""
+    """Poisson's ratio of the tissue, which Roost uses for each sub-particle. Source: Table 2. Default: 0.37. Range: >
+    -1 and < 0.5."""
     youngs_modulus_pa: float
-    """Young's modulus of the tissue. Unit: Pa. Source: Table 2. Default: 48600.0. Range: ≥ 100 and ≤ 10000000000."""
+    """Young's modulus of the tissue, which Roost uses for each sub-particle. With the default values, the stiffness of
+    a whole fillet comes mostly from its bonds. Unit: Pa. Source: Table 2. Default: 48600.0. Range: ≥ 100 and ≤
+    10000000000."""
 
 
 class HopperNumerics(TypedDict, total=False):
@@ -505,8 +514,9 @@ class HopperNumerics(TypedDict, total=False):
     """These conditions end a simulation before its duration is over."""
     timestep_s: float | Literal["auto"]
     """Time step of the simulation. Above a certain time step, the stability limit, the simulation can become unstable
-    (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit, from stiffness,
-    mass, damping and the speed at the start. Unit: s. Source: Table 2. Default: 5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
+    (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit. The computation
+    uses stiffness, mass, damping and the maximum speed of a body at the start. Unit: s. Source: Table 2. Default:
+    5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
 
 
 class DropNumerics(TypedDict, total=False):
@@ -534,8 +544,9 @@ class DropNumerics(TypedDict, total=False):
     """These conditions end a simulation before its duration is over."""
     timestep_s: float | Literal["auto"]
     """Time step of the simulation. Above a certain time step, the stability limit, the simulation can become unstable
-    (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit, from stiffness,
-    mass, damping and the speed at the start. Unit: s. Source: Table 2. Default: 5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
+    (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit. The computation
+    uses stiffness, mass, damping and the maximum speed of a body at the start. Unit: s. Source: Table 2. Default:
+    5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
 
 
 class BendNumerics(TypedDict, total=False):
@@ -566,8 +577,9 @@ class BendNumerics(TypedDict, total=False):
     """These conditions end a simulation before its duration is over."""
     timestep_s: float | Literal["auto"]
     """Time step of the simulation. Above a certain time step, the stability limit, the simulation can become unstable
-    (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit, from stiffness,
-    mass, damping and the speed at the start. Unit: s. Source: Table 2. Default: 5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
+    (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit. The computation
+    uses stiffness, mass, damping and the maximum speed of a body at the start. Unit: s. Source: Table 2. Default:
+    5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
 
 
 class SlideNumerics(TypedDict, total=False):
@@ -595,8 +607,9 @@ class SlideNumerics(TypedDict, total=False):
     """These conditions end a simulation before its duration is over."""
     timestep_s: float | Literal["auto"]
     """Time step of the simulation. Above a certain time step, the stability limit, the simulation can become unstable
-    (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit, from stiffness,
-    mass, damping and the speed at the start. Unit: s. Source: Table 2. Default: 5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
+    (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit. The computation
+    uses stiffness, mass, damping and the maximum speed of a body at the start. Unit: s. Source: Table 2. Default:
+    5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
 
 
 class CompressNumerics(TypedDict, total=False):
@@ -621,8 +634,9 @@ class CompressNumerics(TypedDict, total=False):
     """These conditions end a simulation before its duration is over."""
     timestep_s: float | Literal["auto"]
     """Time step of the simulation. Above a certain time step, the stability limit, the simulation can become unstable
-    (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit, from stiffness,
-    mass, damping and the speed at the start. Unit: s. Source: Table 2. Default: 5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
+    (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit. The computation
+    uses stiffness, mass, damping and the maximum speed of a body at the start. Unit: s. Source: Table 2. Default:
+    5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
 
 
 class SceneNumerics(TypedDict, total=False):
@@ -650,24 +664,29 @@ class SceneNumerics(TypedDict, total=False):
     """These conditions end a simulation before its duration is over."""
     timestep_s: float | Literal["auto"]
     """Time step of the simulation. Above a certain time step, the stability limit, the simulation can become unstable
-    (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit, from stiffness,
-    mass, damping and the speed at the start. Unit: s. Source: Table 2. Default: 5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
+    (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit. The computation
+    uses stiffness, mass, damping and the maximum speed of a body at the start. Unit: s. Source: Table 2. Default:
+    5.75e-05. Range: ≥ 1e-09 and ≤ 0.1."""
 
 
 class HopperProduct(TypedDict, total=False):
-    """This section describes the bodies and their sub-particles. A body is a fillet, a block or a single sphere."""
+    """This section describes the bodies and their sub-particles. A body is a fillet, a block of tissue (only in
+    `compress`) or a single sphere."""
 
     count: int
-    """Number of fillets. If `shape` is null, the fillets take all shapes in turn. For example, with six shapes, the
-    fillets with the numbers 0, 6 and 12 have shape 0. The paper's drop test has 15 fillets of each of six shapes
-    (section 2.3.3). Source: section 2.4. Default: 191. Range: ≥ 1 and ≤ 100000."""
+    """Number of fillets. If `shape` is null, the fillets take all shapes in turn. By default, there are six shapes:
+    three sizes, each with its mirror image. The fillets with the numbers 0, 6 and 12 then have shape 0. The paper's
+    drop test has 15 fillets of each of six shapes (section 2.3.3). Source: section 2.4. Default: 191. Range: ≥ 1 and ≤
+    100000."""
     density_kg_m3: float | None
     """Density of a body: the mass of the body divided by its volume. If you set `subparticle_density_kg_m3`, this field
     is null. Unit: kg/m³. Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
-    fill: Literal["centres", "whole_spheres"]
+    fill: Literal["centres", "whole_spheres", "volume"]
     """Rule that selects the points of the lattice (cubic grid) at which a body has sub-particles. `centres`: all points
-    inside the shape. `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. Source:
-    assumed. Default: "centres"."""
+    inside the shape. `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. `volume`:
+    each point has a cell, a cube with the edge 2R. Roost selects the cells with the largest share inside the shape,
+    until the cells together have the volume of the shape. Use `volume` to compare results for different values of R.
+    Source: assumed. Default: "centres"."""
     mesh: MeshFile | MeshDigest | None
     """Closed mesh (triangles from an STL file) that gives all fillets their shape. Null: the fillets are teardrops with
     the sizes in `sizes_m`. Source: section 2.2. Default: null."""
@@ -675,9 +694,9 @@ class HopperProduct(TypedDict, total=False):
     """Factor for the size of the bodies. Roost multiplies the lengths of the bodies and the radius of the sub-particles
     by this factor. Source: Fig. 12. Default: 1.0. Range: ≥ 0.05 and ≤ 20."""
     shape: int | None
-    """All fillets have the shape with this number. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3
-    to the second size, and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in
-    turn. Source: Fig. 1. Default: null. Range: ≥ 0 and ≤ 63."""
+    """Number of the shape of all fillets. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3 to the
+    second size, and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in turn.
+    Source: Fig. 1. Default: null. Range: ≥ 0 and ≤ 63."""
     sizes_m: Sequence[Sequence[float] | Array] | Array
     """Length, width and thickness of each size of fillet. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04],
     [0.172, 0.072, 0.032], [0.176, 0.072, 0.04]]."""
@@ -690,25 +709,29 @@ class HopperProduct(TypedDict, total=False):
     the two densities, but these two values contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null.
     Range: ≥ 10 and ≤ 20000."""
     subparticle_radius_m: float
-    """Radius R of a sub-particle. The centres of neighbouring sub-particles are 2R apart. If you halve the radius, a
-    body has eight times as many sub-particles. Unit: m. Source: section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤
-    0.05."""
+    """Radius of a sub-particle before scaling. R is this radius times `scale`. The centres of neighbouring
+    sub-particles are 2R apart. If you halve the radius, a body has eight times as many sub-particles. Unit: m. Source:
+    section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤ 0.05."""
 
 
 class DropProduct(TypedDict, total=False):
-    """This section describes the bodies and their sub-particles. A body is a fillet, a block or a single sphere."""
+    """This section describes the bodies and their sub-particles. A body is a fillet, a block of tissue (only in
+    `compress`) or a single sphere."""
 
     count: int
-    """Number of fillets. If `shape` is null, the fillets take all shapes in turn. For example, with six shapes, the
-    fillets with the numbers 0, 6 and 12 have shape 0. The paper's drop test has 15 fillets of each of six shapes
-    (section 2.3.3). Source: section 2.4. Default: 90. Range: ≥ 1 and ≤ 100000."""
+    """Number of fillets. If `shape` is null, the fillets take all shapes in turn. By default, there are six shapes:
+    three sizes, each with its mirror image. The fillets with the numbers 0, 6 and 12 then have shape 0. The paper's
+    drop test has 15 fillets of each of six shapes (section 2.3.3). Source: section 2.4. Default: 90. Range: ≥ 1 and ≤
+    100000."""
     density_kg_m3: float | None
     """Density of a body: the mass of the body divided by its volume. If you set `subparticle_density_kg_m3`, this field
     is null. Unit: kg/m³. Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
-    fill: Literal["centres", "whole_spheres"]
+    fill: Literal["centres", "whole_spheres", "volume"]
     """Rule that selects the points of the lattice (cubic grid) at which a body has sub-particles. `centres`: all points
-    inside the shape. `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. Source:
-    assumed. Default: "centres"."""
+    inside the shape. `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. `volume`:
+    each point has a cell, a cube with the edge 2R. Roost selects the cells with the largest share inside the shape,
+    until the cells together have the volume of the shape. Use `volume` to compare results for different values of R.
+    Source: assumed. Default: "centres"."""
     mesh: MeshFile | MeshDigest | None
     """Closed mesh (triangles from an STL file) that gives all fillets their shape. Null: the fillets are teardrops with
     the sizes in `sizes_m`. Source: section 2.2. Default: null."""
@@ -716,9 +739,9 @@ class DropProduct(TypedDict, total=False):
     """Factor for the size of the bodies. Roost multiplies the lengths of the bodies and the radius of the sub-particles
     by this factor. Source: Fig. 12. Default: 1.0. Range: ≥ 0.05 and ≤ 20."""
     shape: int | None
-    """All fillets have the shape with this number. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3
-    to the second size, and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in
-    turn. Source: Fig. 1. Default: null. Range: ≥ 0 and ≤ 63."""
+    """Number of the shape of all fillets. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3 to the
+    second size, and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in turn.
+    Source: Fig. 1. Default: null. Range: ≥ 0 and ≤ 63."""
     sizes_m: Sequence[Sequence[float] | Array] | Array
     """Length, width and thickness of each size of fillet. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04],
     [0.172, 0.072, 0.032], [0.176, 0.072, 0.04]]."""
@@ -727,21 +750,24 @@ class DropProduct(TypedDict, total=False):
     the two densities, but these two values contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null.
     Range: ≥ 10 and ≤ 20000."""
     subparticle_radius_m: float
-    """Radius R of a sub-particle. The centres of neighbouring sub-particles are 2R apart. If you halve the radius, a
-    body has eight times as many sub-particles. Unit: m. Source: section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤
-    0.05."""
+    """Radius of a sub-particle before scaling. R is this radius times `scale`. The centres of neighbouring
+    sub-particles are 2R apart. If you halve the radius, a body has eight times as many sub-particles. Unit: m. Source:
+    section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤ 0.05."""
 
 
 class BendProduct(TypedDict, total=False):
-    """This section describes the bodies and their sub-particles. A body is a fillet, a block or a single sphere."""
+    """This section describes the bodies and their sub-particles. A body is a fillet, a block of tissue (only in
+    `compress`) or a single sphere."""
 
     density_kg_m3: float | None
     """Density of a body: the mass of the body divided by its volume. If you set `subparticle_density_kg_m3`, this field
     is null. Unit: kg/m³. Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
-    fill: Literal["centres", "whole_spheres"]
+    fill: Literal["centres", "whole_spheres", "volume"]
     """Rule that selects the points of the lattice (cubic grid) at which a body has sub-particles. `centres`: all points
-    inside the shape. `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. Source:
-    assumed. Default: "centres"."""
+    inside the shape. `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. `volume`:
+    each point has a cell, a cube with the edge 2R. Roost selects the cells with the largest share inside the shape,
+    until the cells together have the volume of the shape. Use `volume` to compare results for different values of R.
+    Source: assumed. Default: "centres"."""
     mesh: MeshFile | MeshDigest | None
     """Closed mesh (triangles from an STL file) that gives all fillets their shape. Null: the fillets are teardrops with
     the sizes in `sizes_m`. Source: section 2.2. Default: null."""
@@ -749,9 +775,9 @@ class BendProduct(TypedDict, total=False):
     """Factor for the size of the bodies. Roost multiplies the lengths of the bodies and the radius of the sub-particles
     by this factor. Source: Fig. 12. Default: 1.0. Range: ≥ 0.05 and ≤ 20."""
     shape: int | None
-    """All fillets have the shape with this number. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3
-    to the second size, and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in
-    turn. Source: Fig. 1. Default: 2. Range: ≥ 0 and ≤ 63."""
+    """Number of the shape of all fillets. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3 to the
+    second size, and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in turn.
+    Source: Fig. 1. Default: 2. Range: ≥ 0 and ≤ 63."""
     sizes_m: Sequence[Sequence[float] | Array] | Array
     """Length, width and thickness of each size of fillet. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04],
     [0.172, 0.072, 0.032], [0.176, 0.072, 0.04]]."""
@@ -760,21 +786,24 @@ class BendProduct(TypedDict, total=False):
     the two densities, but these two values contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null.
     Range: ≥ 10 and ≤ 20000."""
     subparticle_radius_m: float
-    """Radius R of a sub-particle. The centres of neighbouring sub-particles are 2R apart. If you halve the radius, a
-    body has eight times as many sub-particles. Unit: m. Source: section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤
-    0.05."""
+    """Radius of a sub-particle before scaling. R is this radius times `scale`. The centres of neighbouring
+    sub-particles are 2R apart. If you halve the radius, a body has eight times as many sub-particles. Unit: m. Source:
+    section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤ 0.05."""
 
 
 class SlideProduct(TypedDict, total=False):
-    """This section describes the bodies and their sub-particles. A body is a fillet, a block or a single sphere."""
+    """This section describes the bodies and their sub-particles. A body is a fillet, a block of tissue (only in
+    `compress`) or a single sphere."""
 
     density_kg_m3: float | None
     """Density of a body: the mass of the body divided by its volume. If you set `subparticle_density_kg_m3`, this field
     is null. Unit: kg/m³. Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
-    fill: Literal["centres", "whole_spheres"]
+    fill: Literal["centres", "whole_spheres", "volume"]
     """Rule that selects the points of the lattice (cubic grid) at which a body has sub-particles. `centres`: all points
-    inside the shape. `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. Source:
-    assumed. Default: "centres"."""
+    inside the shape. `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. `volume`:
+    each point has a cell, a cube with the edge 2R. Roost selects the cells with the largest share inside the shape,
+    until the cells together have the volume of the shape. Use `volume` to compare results for different values of R.
+    Source: assumed. Default: "centres"."""
     mesh: MeshFile | MeshDigest | None
     """Closed mesh (triangles from an STL file) that gives all fillets their shape. Null: the fillets are teardrops with
     the sizes in `sizes_m`. Source: section 2.2. Default: null."""
@@ -782,9 +811,9 @@ class SlideProduct(TypedDict, total=False):
     """Factor for the size of the bodies. Roost multiplies the lengths of the bodies and the radius of the sub-particles
     by this factor. Source: Fig. 12. Default: 1.0. Range: ≥ 0.05 and ≤ 20."""
     shape: int | None
-    """All fillets have the shape with this number. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3
-    to the second size, and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in
-    turn. Source: Fig. 1. Default: 2. Range: ≥ 0 and ≤ 63."""
+    """Number of the shape of all fillets. Shapes 0 and 1 belong to the first size in `sizes_m`, shapes 2 and 3 to the
+    second size, and so on. A shape with an odd number is a mirror image. Null: the fillets take all shapes in turn.
+    Source: Fig. 1. Default: 2. Range: ≥ 0 and ≤ 63."""
     sizes_m: Sequence[Sequence[float] | Array] | Array
     """Length, width and thickness of each size of fillet. Unit: m. Source: Table 1. Default: [[0.144, 0.072, 0.04],
     [0.172, 0.072, 0.032], [0.176, 0.072, 0.04]]."""
@@ -793,13 +822,14 @@ class SlideProduct(TypedDict, total=False):
     the two densities, but these two values contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null.
     Range: ≥ 10 and ≤ 20000."""
     subparticle_radius_m: float
-    """Radius R of a sub-particle. The centres of neighbouring sub-particles are 2R apart. If you halve the radius, a
-    body has eight times as many sub-particles. Unit: m. Source: section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤
-    0.05."""
+    """Radius of a sub-particle before scaling. R is this radius times `scale`. The centres of neighbouring
+    sub-particles are 2R apart. If you halve the radius, a body has eight times as many sub-particles. Unit: m. Source:
+    section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤ 0.05."""
 
 
 class CompressProduct(TypedDict, total=False):
-    """This section describes the bodies and their sub-particles. A body is a fillet, a block or a single sphere."""
+    """This section describes the bodies and their sub-particles. A body is a fillet, a block of tissue (only in
+    `compress`) or a single sphere."""
 
     density_kg_m3: float | None
     """Density of a body: the mass of the body divided by its volume. If you set `subparticle_density_kg_m3`, this field
@@ -812,21 +842,24 @@ class CompressProduct(TypedDict, total=False):
     the two densities, but these two values contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null.
     Range: ≥ 10 and ≤ 20000."""
     subparticle_radius_m: float
-    """Radius R of a sub-particle. The centres of neighbouring sub-particles are 2R apart. If you halve the radius, a
-    body has eight times as many sub-particles. Unit: m. Source: section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤
-    0.05."""
+    """Radius of a sub-particle before scaling. R is this radius times `scale`. The centres of neighbouring
+    sub-particles are 2R apart. If you halve the radius, a body has eight times as many sub-particles. Unit: m. Source:
+    section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤ 0.05."""
 
 
 class SceneProduct(TypedDict, total=False):
-    """This section describes the bodies and their sub-particles. A body is a fillet, a block or a single sphere."""
+    """This section describes the bodies and their sub-particles. A body is a fillet, a block of tissue (only in
+    `compress`) or a single sphere."""
 
     density_kg_m3: float | None
     """Density of a body: the mass of the body divided by its volume. If you set `subparticle_density_kg_m3`, this field
     is null. Unit: kg/m³. Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
-    fill: Literal["centres", "whole_spheres"]
+    fill: Literal["centres", "whole_spheres", "volume"]
     """Rule that selects the points of the lattice (cubic grid) at which a body has sub-particles. `centres`: all points
-    inside the shape. `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. Source:
-    assumed. Default: "centres"."""
+    inside the shape. `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. `volume`:
+    each point has a cell, a cube with the edge 2R. Roost selects the cells with the largest share inside the shape,
+    until the cells together have the volume of the shape. Use `volume` to compare results for different values of R.
+    Source: assumed. Default: "centres"."""
     mesh: MeshFile | MeshDigest | None
     """Closed mesh (triangles from an STL file) that gives all fillets their shape. Null: the fillets are teardrops with
     the sizes in `sizes_m`. Source: section 2.2. Default: null."""
@@ -845,9 +878,9 @@ class SceneProduct(TypedDict, total=False):
     the two densities, but these two values contradict each other. Unit: kg/m³. Source: Table 2 has 2200. Default: null.
     Range: ≥ 10 and ≤ 20000."""
     subparticle_radius_m: float
-    """Radius R of a sub-particle. The centres of neighbouring sub-particles are 2R apart. If you halve the radius, a
-    body has eight times as many sub-particles. Unit: m. Source: section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤
-    0.05."""
+    """Radius of a sub-particle before scaling. R is this radius times `scale`. The centres of neighbouring
+    sub-particles are 2R apart. If you halve the radius, a body has eight times as many sub-particles. Unit: m. Source:
+    section 2.2. Default: 0.004. Range: ≥ 0.0005 and ≤ 0.05."""
 
 
 class Drop(TypedDict, total=False):
@@ -904,16 +937,16 @@ class Slide(TypedDict, total=False):
     """Angular speed at which the plate tilts. Above 6 °/s, the error of the response `critical_angle_deg` grows. Unit:
     °/s. Source: section 2.3.2. Default: 3.0. Range: ≥ 0.1 and ≤ 30."""
     yaw_deg: float
-    """Yaw of the fillet: its direction on the plate. At 0°, the length of the fillet points up the slope. Unit: °.
-    Source: assumed. Default: 0.0. Range: ≥ -180 and ≤ 180."""
+    """Yaw of the fillet: its direction on the plate. At 0°, the fillet lies along the slope, with its tail (the narrow
+    end) uphill. Unit: °. Source: assumed. Default: 0.0. Range: ≥ -180 and ≤ 180."""
 
 
 class Compress(TypedDict, total=False):
     """Two plates compress a block of tissue."""
 
     lattice: Sequence[int] | Array
-    """Numbers of sub-particles of the block along x, y and z. For example, with R = 1.75 mm, a block of 10 × 10 × 3
-    sub-particles measures 35 × 35 × 10.5 mm. Source: section 2.3.2. Default: [10, 10, 3]."""
+    """Numbers of sub-particles of the block along x, y and z (upwards). For example, with R = 1.75 mm, a block of 10 ×
+    10 × 3 sub-particles measures 35 × 35 × 10.5 mm. Source: section 2.3.2. Default: [10, 10, 3]."""
     max_strain: float
     """Strain at which the test ends. The strain is 0 at the moment at which the stress becomes positive. Source: Fig.
     6. Default: 0.06. Range: > 0 and ≤ 0.5."""
@@ -967,13 +1000,14 @@ class HopperScenario(TypedDict, total=False):
     numerics: HopperNumerics
     """This section sets the time step, the duration, the time between samples, and the end of a simulation."""
     product: HopperProduct
-    """This section describes the bodies and their sub-particles. A body is a fillet, a block or a single sphere."""
+    """This section describes the bodies and their sub-particles. A body is a fillet, a block of tissue (only in
+    `compress`) or a single sphere."""
     schema: Literal["roost.scenario/2"]
     """Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds
     have no `reference_radius_m`. Source: format. Default: "roost.scenario/2"."""
     seed: int
-    """Start value of all random numbers. With another seed, the random positions and angles are different. Source:
-    numerics. Default: 1. Range: ≥ 0 and ≤ 9007199254740991."""
+    """Start value of all random numbers. With another seed, the random start positions and angles of the bodies are
+    different. Source: numerics. Default: 1. Range: ≥ 0 and ≤ 9007199254740991."""
 
 
 class DropScenario(TypedDict, total=False):
@@ -994,13 +1028,14 @@ class DropScenario(TypedDict, total=False):
     numerics: DropNumerics
     """This section sets the time step, the duration, the time between samples, and the end of a simulation."""
     product: DropProduct
-    """This section describes the bodies and their sub-particles. A body is a fillet, a block or a single sphere."""
+    """This section describes the bodies and their sub-particles. A body is a fillet, a block of tissue (only in
+    `compress`) or a single sphere."""
     schema: Literal["roost.scenario/2"]
     """Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds
     have no `reference_radius_m`. Source: format. Default: "roost.scenario/2"."""
     seed: int
-    """Start value of all random numbers. With another seed, the random positions and angles are different. Source:
-    numerics. Default: 1. Range: ≥ 0 and ≤ 9007199254740991."""
+    """Start value of all random numbers. With another seed, the random start positions and angles of the bodies are
+    different. Source: numerics. Default: 1. Range: ≥ 0 and ≤ 9007199254740991."""
 
 
 class BendScenario(TypedDict, total=False):
@@ -1021,13 +1056,14 @@ class BendScenario(TypedDict, total=False):
     numerics: BendNumerics
     """This section sets the time step, the duration, the time between samples, and the end of a simulation."""
     product: BendProduct
-    """This section describes the bodies and their sub-particles. A body is a fillet, a block or a single sphere."""
+    """This section describes the bodies and their sub-particles. A body is a fillet, a block of tissue (only in
+    `compress`) or a single sphere."""
     schema: Literal["roost.scenario/2"]
     """Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds
     have no `reference_radius_m`. Source: format. Default: "roost.scenario/2"."""
     seed: int
-    """Start value of all random numbers. With another seed, the random positions and angles are different. Source:
-    numerics. Default: 1. Range: ≥ 0 and ≤ 9007199254740991."""
+    """Start value of all random numbers. With another seed, the random start positions and angles of the bodies are
+    different. Source: numerics. Default: 1. Range: ≥ 0 and ≤ 9007199254740991."""
 
 
 class SlideScenario(TypedDict, total=False):
@@ -1046,13 +1082,14 @@ class SlideScenario(TypedDict, total=False):
     numerics: SlideNumerics
     """This section sets the time step, the duration, the time between samples, and the end of a simulation."""
     product: SlideProduct
-    """This section describes the bodies and their sub-particles. A body is a fillet, a block or a single sphere."""
+    """This section describes the bodies and their sub-particles. A body is a fillet, a block of tissue (only in
+    `compress`) or a single sphere."""
     schema: Literal["roost.scenario/2"]
     """Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds
     have no `reference_radius_m`. Source: format. Default: "roost.scenario/2"."""
     seed: int
-    """Start value of all random numbers. With another seed, the random positions and angles are different. Source:
-    numerics. Default: 1. Range: ≥ 0 and ≤ 9007199254740991."""
+    """Start value of all random numbers. With another seed, the random start positions and angles of the bodies are
+    different. Source: numerics. Default: 1. Range: ≥ 0 and ≤ 9007199254740991."""
     slide: Slide
     """A fillet lies on a plate. The plate tilts until the fillet slides."""
 
@@ -1075,13 +1112,14 @@ class CompressScenario(TypedDict, total=False):
     numerics: CompressNumerics
     """This section sets the time step, the duration, the time between samples, and the end of a simulation."""
     product: CompressProduct
-    """This section describes the bodies and their sub-particles. A body is a fillet, a block or a single sphere."""
+    """This section describes the bodies and their sub-particles. A body is a fillet, a block of tissue (only in
+    `compress`) or a single sphere."""
     schema: Literal["roost.scenario/2"]
     """Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds
     have no `reference_radius_m`. Source: format. Default: "roost.scenario/2"."""
     seed: int
-    """Start value of all random numbers. With another seed, the random positions and angles are different. Source:
-    numerics. Default: 1. Range: ≥ 0 and ≤ 9007199254740991."""
+    """Start value of all random numbers. With another seed, the random start positions and angles of the bodies are
+    different. Source: numerics. Default: 1. Range: ≥ 0 and ≤ 9007199254740991."""
 
 
 class SceneScenario(TypedDict, total=False):
@@ -1100,15 +1138,16 @@ class SceneScenario(TypedDict, total=False):
     numerics: SceneNumerics
     """This section sets the time step, the duration, the time between samples, and the end of a simulation."""
     product: SceneProduct
-    """This section describes the bodies and their sub-particles. A body is a fillet, a block or a single sphere."""
+    """This section describes the bodies and their sub-particles. A body is a fillet, a block of tissue (only in
+    `compress`) or a single sphere."""
     scene: Scene
     """This section places bodies and surfaces."""
     schema: Literal["roost.scenario/2"]
     """Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds
     have no `reference_radius_m`. Source: format. Default: "roost.scenario/2"."""
     seed: int
-    """Start value of all random numbers. With another seed, the random positions and angles are different. Source:
-    numerics. Default: 1. Range: ≥ 0 and ≤ 9007199254740991."""
+    """Start value of all random numbers. With another seed, the random start positions and angles of the bodies are
+    different. Source: numerics. Default: 1. Range: ≥ 0 and ≤ 9007199254740991."""
 
 
 ScenarioDocument: TypeAlias = Union[HopperScenario, DropScenario, BendScenario, SlideScenario, CompressScenario, SceneScenario]
@@ -1140,14 +1179,15 @@ class ScenarioChanges(TypedDict, total=False):
     numerics: HopperNumerics | DropNumerics | BendNumerics | SlideNumerics | CompressNumerics | SceneNumerics
     """This section sets the time step, the duration, the time between samples, and the end of a simulation."""
     product: HopperProduct | DropProduct | BendProduct | SlideProduct | CompressProduct | SceneProduct
-    """This section describes the bodies and their sub-particles. A body is a fillet, a block or a single sphere."""
+    """This section describes the bodies and their sub-particles. A body is a fillet, a block of tissue (only in
+    `compress`) or a single sphere."""
     scene: Scene
     """This section places bodies and surfaces. Only in `scene`."""
     schema: Literal["roost.scenario/2"]
     """Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds
     have no `reference_radius_m`. Source: format."""
     seed: int
-    """Start value of all random numbers. With another seed, the random positions and angles are different. Source:
-    numerics."""
+    """Start value of all random numbers. With another seed, the random start positions and angles of the bodies are
+    different. Source: numerics."""
     slide: Slide
     """A fillet lies on a plate. The plate tilts until the fillet slides. Only in `slide`."""
