@@ -3,6 +3,7 @@
 mod support;
 
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 use roost_api::job::{JobState, JobView};
 use serde_json::{Value, json};
@@ -23,13 +24,17 @@ fn physics(result: &Value) -> [Value; 4] {
     ["responses", "series", "curves", "end_reason"].map(|name| result[name].clone())
 }
 
-/// The result of an undisturbed run.
-fn undisturbed(sandbox: &Sandbox) -> [Value; 4] {
-    let (file, folder) = (sandbox.file("run.json", &slow_scenario(DURATION_S)), sandbox.path("run"));
-    let folder = folder.display().to_string();
-    stdout(&run(&["run", "--backend", "cpu", "--threads", "1", "-o", &folder, &file]));
-    let result = std::fs::read(Path::new(&folder).join("result.json")).unwrap();
-    physics(&serde_json::from_slice(&result).unwrap())
+/// The result of an undisturbed run, which is simulated once for all tests.
+fn undisturbed() -> &'static [Value; 4] {
+    static RESULT: LazyLock<[Value; 4]> = LazyLock::new(|| {
+        let sandbox = Sandbox::new();
+        let (file, folder) = (sandbox.file("run.json", &slow_scenario(DURATION_S)), sandbox.path("run"));
+        let folder = folder.display().to_string();
+        stdout(&run(&["run", "--backend", "cpu", "--threads", "1", "-o", &folder, &file]));
+        let result = std::fs::read(Path::new(&folder).join("result.json")).unwrap();
+        physics(&serde_json::from_slice(&result).unwrap())
+    });
+    &RESULT
 }
 
 /// Waits for the result of a job, and compares it.
@@ -54,7 +59,7 @@ fn objects(sandbox: &Sandbox) -> Vec<PathBuf> {
 fn a_job_continues_after_sigterm_with_the_result_of_an_undisturbed_run() {
     let _alone = support::turn::alone();
     let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox);
+    let expected = undisturbed();
     let _server = start_server_without_fills(&sandbox, "30");
     let worker = sandbox.start_worker("first");
     let job = sandbox.submit(&slow_scenario(DURATION_S));
@@ -74,7 +79,7 @@ fn a_job_continues_after_sigterm_with_the_result_of_an_undisturbed_run() {
     assert!(metrics.contains(r#"roost_attempts_total{outcome="lost"} 0"#), "{metrics}");
 
     let _next = sandbox.start_worker("second");
-    let done = expect_same(&sandbox, &job, &expected);
+    let done = expect_same(&sandbox, &job, expected);
     assert_eq!((done.attempt, done.resumed_from_s), (2, Some(checkpoint.simulated_s)));
     support::wait_until("the checkpoint is deleted", || objects(&sandbox).is_empty().then_some(()));
 }
@@ -83,14 +88,14 @@ fn a_job_continues_after_sigterm_with_the_result_of_an_undisturbed_run() {
 fn a_job_continues_from_its_last_checkpoint_after_a_kill() {
     let _alone = support::turn::alone();
     let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox);
+    let expected = undisturbed();
     let _server = sandbox.start_server_with(&["--lease-s", "2", "--checkpoint-interval", "1s"]);
     let worker = sandbox.start_worker("first");
     let job = sandbox.submit(&slow_scenario(DURATION_S));
     sandbox.wait_for_job(&job, "a checkpoint", |job| job.checkpoint.is_some());
     worker.kill();
     let _next = sandbox.start_worker("second");
-    let done = expect_same(&sandbox, &job, &expected);
+    let done = expect_same(&sandbox, &job, expected);
     assert_eq!(done.attempt, 2);
     assert!(done.resumed_from_s.is_some_and(|from_s| from_s > 0.0), "{done:?}");
 }
@@ -99,7 +104,7 @@ fn a_job_continues_from_its_last_checkpoint_after_a_kill() {
 fn a_damaged_checkpoint_is_discarded_and_the_job_begins_at_zero() {
     let _alone = support::turn::alone();
     let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox);
+    let expected = undisturbed();
     let _server = start_server_without_fills(&sandbox, "2");
     let worker = sandbox.start_worker("first");
     let job = sandbox.submit(&slow_scenario(DURATION_S));
@@ -112,7 +117,7 @@ fn a_damaged_checkpoint_is_discarded_and_the_job_begins_at_zero() {
     bytes[middle] ^= 1;
     std::fs::write(object, bytes).unwrap();
     let next = sandbox.start_worker("second");
-    let done = expect_same(&sandbox, &job, &expected);
+    let done = expect_same(&sandbox, &job, expected);
     assert_eq!((done.attempt, done.resumed_from_s), (2, None));
     assert!(next.log().contains("the run begins at zero"), "{}", next.log());
 }
@@ -121,7 +126,7 @@ fn a_damaged_checkpoint_is_discarded_and_the_job_begins_at_zero() {
 fn a_paused_job_is_handed_back_and_continues_after_its_resume() {
     let _alone = support::turn::alone();
     let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox);
+    let expected = undisturbed();
     let _server = sandbox.start_server();
     let _worker = sandbox.start_worker("worker");
     let job = sandbox.submit(&slow_scenario(DURATION_S));
@@ -140,7 +145,7 @@ fn a_paused_job_is_handed_back_and_continues_after_its_resume() {
 
     let resumed = stdout(&sandbox.roost(&["resume", "--json", &id]));
     assert!(resumed.contains(r#""paused": false"#) || resumed.contains(r#""paused":false"#), "{resumed}");
-    let done = expect_same(&sandbox, &job, &expected);
+    let done = expect_same(&sandbox, &job, expected);
     assert_eq!(done.attempt, 2);
     assert!(done.resumed_from_s.is_some_and(|from_s| from_s > 0.0), "{done:?}");
 }
@@ -154,7 +159,7 @@ fn physics_in(folder: &str) -> [Value; 4] {
 fn a_run_continues_from_its_checkpoint_after_an_interrupt() {
     let _alone = support::turn::alone();
     let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox);
+    let expected = undisturbed();
     let file = sandbox.file("run.json", &slow_scenario(DURATION_S));
     let folder = sandbox.path("saved").display().to_string();
     let saved = sandbox.path("saved").join("checkpoint.roost");
@@ -187,7 +192,7 @@ fn a_run_continues_from_its_checkpoint_after_an_interrupt() {
     let continued = run(&arguments);
     let log = support::transcript(&continued);
     assert!(continued.status.success() && log.contains("continues from the checkpoint at "), "{log}");
-    assert!(physics_in(&folder) == expected, "the result differs");
+    assert!(physics_in(&folder) == *expected, "the result differs");
     assert!(!saved.exists(), "deleted at the end");
 }
 
@@ -199,7 +204,7 @@ fn a_full_disk_keeps_the_last_checkpoint_and_the_run_goes_on() {
         eprintln!("left out: only root may mount the small disk that this fills");
         return;
     };
-    let expected = undisturbed(&sandbox);
+    let expected = undisturbed();
     let file = sandbox.file("run.json", &slow_scenario(DURATION_S));
     let folder = sandbox.path("saved").display().to_string();
     let saved = sandbox.path("saved").join("checkpoint.roost");
@@ -224,7 +229,7 @@ fn a_full_disk_keeps_the_last_checkpoint_and_the_run_goes_on() {
     let continued = run(&arguments);
     let log = support::transcript(&continued);
     assert!(continued.status.success() && log.contains("continues from the checkpoint at "), "{log}");
-    assert!(physics_in(&folder) == expected, "the result differs");
+    assert!(physics_in(&folder) == *expected, "the result differs");
 }
 
 #[test]

@@ -167,7 +167,7 @@ fn share_of_yes_is_binomial() {
         let uniform = (count.get() as f64 * 0.618_033_988_749_895).fract();
         Some(vec![("jammed", f64::from(u8::from(uniform < p)))])
     };
-    let (decision, _) = conduct(&question, 8, 5, simulation);
+    let (decision, _) = conduct(&question, 24, 5, simulation);
     let found = answer(&decision);
     let simulated = found.targets[0].simulated.unwrap();
     assert!((simulated.mean - 0.31).abs() < 0.07, "{simulated:?}");

@@ -21,8 +21,10 @@ use super::Store;
 use super::testing::Place;
 use world::World;
 
-/// Seeds of the usual test.
+/// Seeds of the usual test with PostgreSQL.
 const SEEDS: u64 = 1000;
+/// Seeds of the usual test with SQLite. The statements are the same, and most of the time is that of the model.
+const SEEDS_ON_SQLITE: u64 = 250;
 /// Steps of one run.
 const STEPS: u32 = 50;
 
@@ -56,20 +58,20 @@ fn run_seeds(place: &Place, seeds: impl Iterator<Item = u64>, is_verbose: bool) 
 
 #[test]
 fn no_seed_loses_a_job_or_records_a_result_twice() {
-    simulate(Place::sqlite);
+    simulate(Place::sqlite, SEEDS_ON_SQLITE);
 }
 
 #[test]
 fn no_seed_loses_a_job_or_records_a_result_twice_in_postgresql() {
-    simulate(Place::postgres);
+    simulate(Place::postgres, SEEDS);
 }
 
-fn simulate(place: fn() -> Place) {
+fn simulate(place: fn() -> Place, usual_seeds: u64) {
     if let Some(seed) = from_environment("ROOST_SEED") {
         return run_seeds(&place(), std::iter::once(seed), true);
     }
     let (seeds, first, started) = (
-        from_environment("ROOST_SEEDS").unwrap_or(SEEDS),
+        from_environment("ROOST_SEEDS").unwrap_or(usual_seeds),
         from_environment("ROOST_FIRST_SEED").unwrap_or(0),
         Instant::now(),
     );
