@@ -8,17 +8,17 @@ ifeq ($(wildcard /usr/share/vulkan/icd.d/lvp_icd*),)
 NEEDS += lavapipe:mesa-vulkan-drivers
 endif
 # The browser that tests of the dashboard look through.
-test-build: NEEDS += chromium:chromium
+test-tools: NEEDS += chromium:chromium
 # PostgreSQL, of which the tests start one of their own; its programs are not on the path.
 ifeq ($(wildcard /usr/lib/postgresql/*/bin/postgres),)
-test-build: NEEDS += postgres:postgresql
+test-tools: NEEDS += postgres:postgresql
 endif
 # Drivers complain without.
 export XDG_RUNTIME_DIR ?= /tmp
 
 TEST_PARTS := test-units test-docs test-a-to-e test-others
 
-.PHONY: demo test test-build $(TEST_PARTS) check deny dashboard-check book validation wheel python-tools needs
+.PHONY: demo test test-build test-programs test-tools $(TEST_PARTS) check deny dashboard-check book validation wheel python-tools needs
 
 MDBOOK := target/tools/bin/mdbook
 
@@ -29,12 +29,18 @@ demo: needs
 test: test-build
 	@$(MAKE) --no-print-directory --jobs --keep-going $(TEST_PARTS)
 
-test-build: NEEDS += faketime:faketime
-# The tests of the alerts in deploy/ start a Prometheus of their own; they use no service that the package may start.
-test-build: NEEDS += promtool:prometheus
-# The tools come first: packages that are missing are installed once, for all.
-test-build: python-tools needs
+# What only tests need is installed while the programs compile.
+test-build: needs
+	@$(MAKE) --no-print-directory --jobs test-programs test-tools
+
+test-programs:
 	cargo test --workspace --no-run
+
+test-tools: NEEDS += faketime:faketime
+# The tests of the alerts in deploy/ start a Prometheus of their own; they use no service that the package may start.
+test-tools: NEEDS += promtool:prometheus
+# Packages that are missing are installed once, for all.
+test-tools: python-tools needs
 
 # Many tests wait for processes: parts that run at the same time, with a few tests each, end sooner. Tests in folders named `tests` are
 # split by the first letter of their names.
