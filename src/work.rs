@@ -44,7 +44,7 @@ pub(crate) struct WorkerArgs {
     #[command(flatten)]
     device: DeviceArgs,
     /// Maximum number of jobs that run at the same time: `auto`, or a number from 1 to 1024. On a CPU, the jobs share the threads.
-    /// With `auto` on a CPU, the worker runs one job for each thread. If the queue has fewer jobs than the worker has threads, each
+    /// With `auto` on a CPU, the worker runs one job for each thread, as far as the memory allows. If the queue has fewer jobs than the worker has threads, each
     /// job gets more threads. On a GPU, the jobs advance together as one batch, as far as the memory of the GPU allows. With `auto` on
     /// a GPU, the maximum is 16 jobs
     #[arg(long, default_value = "auto", value_name = "N", value_parser = slots)]

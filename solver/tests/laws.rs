@@ -113,7 +113,7 @@ fn shapes_alternate_with_mirror_images_and_have_the_mass_of_their_density() {
 fn every_filled_fillet_is_connected() {
     // However coarse the lattice: cells that only touch by an edge are not fillets of their own.
     for tenths in 40..200 {
-        for fill in ["centres", "whole_spheres"] {
+        for fill in ["centres", "whole_spheres", "volume"] {
             let radius = ("/product/subparticle_radius_m", json!(f64::from(tenths) * 1e-4));
             assert_hang_together(&[radius, ("/product/fill", json!(fill))]);
         }

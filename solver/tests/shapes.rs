@@ -129,6 +129,11 @@ fn overlapping_bodies_are_merged_and_inverted_bodies_are_hollows() {
     for (x, inside) in [(-0.079, true), (-0.03, true), (0.0, true), (0.079, true), (0.081, false)] {
         assert_eq!(shape.contains(DVec3::X * x), inside, "{x}");
     }
+    // What both enclose counts once: two balls less a lens of π (4 r + d)(2 r − d)² / 12.
+    let lens = std::f64::consts::PI * (4.0 * 0.05 + 0.06) * (2.0f64 * 0.05 - 0.06).powi(2) / 12.0;
+    let union_m3 = 2.0 * 4.0 / 3.0 * std::f64::consts::PI * 0.05f64.powi(3) - lens;
+    let filled = from_mesh(&mesh(&two), 0.004, Fill::Volume, 1).expect("closed");
+    assert_close(filled.points.len() as f64 * 0.008f64.powi(3), union_m3, 0.03);
     // One that faces inwards all over is as full as any.
     let inwards = solid(&turned(&ball(0.05, 4)));
     assert!(inwards.contains(DVec3::ZERO) && inwards.volume_m3() > 0.0);
@@ -275,7 +280,7 @@ fn a_hundred_thousand_triangles_are_filled_in_seconds() {
     let start = Instant::now();
     let mesh = mesh(&triangles);
     let read_s = start.elapsed();
-    for fill in [Fill::Centres, Fill::WholeSpheres] {
+    for fill in [Fill::Centres, Fill::WholeSpheres, Fill::Volume] {
         let start = Instant::now();
         let filled = from_mesh(&mesh, 0.0021, fill, 1).expect("closed");
         println!("read in {read_s:?}, filled with {} in {:?}", filled.points.len(), start.elapsed());

@@ -5,7 +5,7 @@
 //! 3). With one type all neighbours within the contact radius bond, diagonals included: the stiff truss of
 //! Fig. 2a.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use glam::{DVec3, IVec3};
 
@@ -88,7 +88,10 @@ impl MetaParticle {
             Fill::Centres => all.filter(|&cell| shape.contains(centre(cell))).collect(),
             Fill::WholeSpheres => all.filter(|&cell| shape.contains_sphere(centre(cell), radius)).collect(),
             Fill::Volume => {
-                let covered = all.map(|cell| (cell, covered_samples(shape, centre(cell), spacing)));
+                let inside: HashSet<IVec3> =
+                    all.clone().filter(|&cell| shape.contains(centre(cell))).collect();
+                let covered =
+                    all.map(|cell| (cell, covered_samples(shape, &inside, cell, centre(cell), spacing)));
                 most_covered(&covered.collect::<Vec<_>>(), shape.volume_m3() / spacing.powi(3))
             }
         };
@@ -109,9 +112,23 @@ impl MetaParticle {
 
 /// Samples along an edge of a cell.
 const SAMPLES: i32 = 6;
+/// Samples of a cell.
+const ALL_SAMPLES: usize = SAMPLES.pow(3) as usize;
 
-/// The number of evenly spaced samples of a cell, out of [`SAMPLES`]³, that lie in a shape.
-fn covered_samples(shape: &impl Shape, centre: DVec3, edge_m: f64) -> usize {
+/// The number of evenly spaced samples of a cell that lie in a shape. `inside` has the cells whose centre does. Only a cell at the surface
+/// is sampled: one that has neighbours of both kinds.
+fn covered_samples(
+    shape: &impl Shape,
+    inside: &HashSet<IVec3>,
+    cell: IVec3,
+    centre: DVec3,
+    edge_m: f64,
+) -> usize {
+    let is_inside = inside.contains(&cell);
+    let mut neighbours = neighbour_steps().flat_map(|step| [cell + step, cell - step]);
+    if neighbours.all(|neighbour| inside.contains(&neighbour) == is_inside) {
+        return if is_inside { ALL_SAMPLES } else { 0 };
+    }
     // Odd steps from the centre: the samples of mirrored cells are exact mirror images.
     let step = |k: i32| f64::from(2 * k + 1 - SAMPLES);
     let samples = (0..SAMPLES.pow(3)).map(|k| {
@@ -121,14 +138,17 @@ fn covered_samples(shape: &impl Shape, centre: DVec3, edge_m: f64) -> usize {
     samples.filter(|&sample| shape.contains(sample)).count()
 }
 
-/// The cells with the most covered samples, in their order. Cells with equally many are taken or left together, so that a symmetric
-/// shape has a symmetric fill. Their number is the one nearest to `wanted`.
-fn most_covered(cells: &[(IVec3, usize)], wanted: f64) -> Vec<IVec3> {
-    let taken = |least: usize| cells.iter().filter(move |(_, covered)| *covered >= least);
-    let error = |least: usize| (taken(least).count() as f64 - wanted).abs();
-    let full = SAMPLES.pow(3) as usize;
-    let least = (1..=full + 1).min_by(|&a, &b| error(a).total_cmp(&error(b))).unwrap_or(full);
-    taken(least).map(|(cell, _)| *cell).collect()
+/// The cells with the most covered samples, in their order. Their number is the one nearest to the volume of the shape, in cells. Cells
+/// with equally many samples are taken or left together, so that a symmetric shape has a symmetric fill.
+fn most_covered(cells: &[(IVec3, usize)], volume: f64) -> Vec<IVec3> {
+    let mut with = [0_usize; ALL_SAMPLES + 1];
+    cells.iter().for_each(|(_, covered)| with[*covered] += 1);
+    let covered: usize = cells.iter().map(|(_, covered)| covered).sum();
+    // The volume of a mesh counts twice what two of its bodies share; the samples count it once.
+    let wanted = volume.min(covered as f64 / ALL_SAMPLES as f64);
+    let error = |least: usize| (with[least..].iter().sum::<usize>() as f64 - wanted).abs();
+    let least = (1..=ALL_SAMPLES).min_by(|&a, &b| error(a).total_cmp(&error(b))).unwrap_or(ALL_SAMPLES);
+    cells.iter().filter(|(_, covered)| *covered >= least).map(|(cell, _)| *cell).collect()
 }
 
 /// Half of the 26 neighbours of a cell: those that come later in z, y, x order.
@@ -242,10 +262,18 @@ mod tests {
 
     #[test]
     fn equally_covered_cells_are_taken_together() {
-        let cells: Vec<_> =
-            [64, 32, 32, 8].into_iter().enumerate().map(|(x, n)| (IVec3::X * x as i32, n)).collect();
-        let taken = |wanted| most_covered(&cells, wanted).len();
-        assert_eq!([0.2, 1.0, 1.9, 2.1, 3.4, 3.6, 9.0].map(taken), [0, 1, 1, 3, 3, 4, 4]);
+        let taken = |covered: &[usize]| {
+            let cells = covered.iter().enumerate().map(|(x, &covered)| (IVec3::X * x as i32, covered));
+            most_covered(&cells.collect::<Vec<_>>(), f64::INFINITY)
+                .iter()
+                .map(|cell| cell.x)
+                .collect::<Vec<_>>()
+        };
+        // In cells: 1 + 2/2 + 1/8 = 2.1, nearer to three cells than to one.
+        assert_eq!(taken(&[108, 216, 27, 108]), [0, 1, 3]);
+        // 1 + 2/4 + 1/8 = 1.6, nearer to one cell than to three.
+        assert_eq!(taken(&[54, 216, 27, 54]), [1]);
+        assert_eq!(taken(&[0, 0]), [0; 0]);
     }
 
     #[test]

@@ -105,7 +105,7 @@ pub enum ShapeError {
 
 /// Maximum number of lattice points in the box of a mesh or a block: seconds of work.
 pub(crate) const MAX_LATTICE_CELLS: f64 = 2e6;
-/// The same for a fill by volume, which tests many points of each cell.
+/// The same for a fill by volume, which tests many points of each cell at the surface.
 const MAX_SAMPLED_CELLS: f64 = 5e4;
 
 /// Key of the fill cache: shape, radius, fill rule and highest bond class.
