@@ -8,17 +8,18 @@ ifeq ($(wildcard /usr/share/vulkan/icd.d/lvp_icd*),)
 NEEDS += lavapipe:mesa-vulkan-drivers
 endif
 # The browser that tests of the dashboard look through.
-test-tools: NEEDS += chromium:chromium
+test-build: NEEDS += chromium:chromium
 # PostgreSQL, of which the tests start one of their own; its programs are not on the path.
 ifeq ($(wildcard /usr/lib/postgresql/*/bin/postgres),)
-test-tools: NEEDS += postgres:postgresql
+test-build: NEEDS += postgres:postgresql
 endif
+PYTHON_NEEDS := python3:python3-venv node:nodejs npm:npm
 # Drivers complain without.
 export XDG_RUNTIME_DIR ?= /tmp
 
 TEST_PARTS := test-units test-docs test-a-to-e test-others
 
-.PHONY: demo test test-build test-programs test-tools $(TEST_PARTS) check deny dashboard-check book validation wheel python-tools needs
+.PHONY: demo test test-build test-programs $(TEST_PARTS) check deny dashboard-check book validation wheel python-tools needs
 
 MDBOOK := target/tools/bin/mdbook
 
@@ -29,18 +30,15 @@ demo: needs
 test: test-build
 	@$(MAKE) --no-print-directory --jobs --keep-going $(TEST_PARTS)
 
-# What only tests need is installed while the programs compile.
+test-build: NEEDS += faketime:faketime $(PYTHON_NEEDS)
+# The tests of the alerts in deploy/ start a Prometheus of their own; they use no service that the package may start.
+test-build: NEEDS += promtool:prometheus
+# Packages that are missing are installed once, for all. Then the tools come while the programs compile.
 test-build: needs
-	@$(MAKE) --no-print-directory --jobs test-programs test-tools
+	@$(MAKE) --no-print-directory --jobs python-tools test-programs
 
 test-programs:
 	cargo test --workspace --no-run
-
-test-tools: NEEDS += faketime:faketime
-# The tests of the alerts in deploy/ start a Prometheus of their own; they use no service that the package may start.
-test-tools: NEEDS += promtool:prometheus
-# Packages that are missing are installed once, for all.
-test-tools: python-tools needs
 
 # Many tests wait for processes: parts that run at the same time, with a few tests each, end sooner. Tests in folders named `tests` are
 # split by the first letter of their names.
@@ -78,7 +76,7 @@ PYTHON_TOOLS := target/tools/python
 PYRIGHT := target/tools/pyright
 # An identity provider, for the tests of sign-in.
 PROVIDER := target/tools/provider
-python-tools: NEEDS += python3:python3-venv node:nodejs npm:npm
+python-tools: NEEDS += $(PYTHON_NEEDS)
 python-tools: needs
 	@if ! cmp -s .ci/python.txt $(PYTHON_TOOLS)/requirements.txt; then \
 		echo "installing the tools of the Python tests from PyPI into $(PYTHON_TOOLS)"; \
