@@ -17,7 +17,7 @@ PYTHON_NEEDS := python3:python3-venv node:nodejs npm:npm
 # Drivers complain without.
 export XDG_RUNTIME_DIR ?= /tmp
 
-TEST_PARTS := test-units test-docs test-a-to-e test-others
+TEST_PARTS := test-units test-docs test-a-to-e test-f-to-o test-p-to-z
 
 .PHONY: demo test test-build test-programs $(TEST_PARTS) check deny dashboard-check book validation wheel python-tools needs
 
@@ -41,16 +41,18 @@ test-programs:
 	cargo test --workspace --no-run
 
 # Many tests wait for processes: parts that run at the same time, with a few tests each, end sooner. Tests in folders named `tests` are
-# split by the first letter of their names.
-$(TEST_PARTS): export RUST_TEST_THREADS ?= $(shell cores=$$(nproc); echo $$((cores > 6 ? cores / 2 : 3)))
+# split by the first letter of their names, into parts that take about as long.
+$(TEST_PARTS): export RUST_TEST_THREADS ?= $(shell cores=$$(nproc); echo $$((cores > 4 ? cores / 2 : 2)))
 test-units:
 	cargo test --workspace --no-fail-fast --lib --bins
 test-docs:
 	cargo test --workspace --no-fail-fast --doc
 test-a-to-e:
 	cargo test --workspace --no-fail-fast --test '[a-e]*'
-test-others:
-	cargo test --workspace --no-fail-fast --test '[!a-e]*'
+test-f-to-o:
+	cargo test --workspace --no-fail-fast --test '[f-o]*'
+test-p-to-z:
+	cargo test --workspace --no-fail-fast --test '[p-z]*'
 
 # Format, lints, documentation of the code, dependencies, and types of the dashboard. A warning is an error.
 check: needs deny dashboard-check
