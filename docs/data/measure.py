@@ -61,6 +61,10 @@ def lattice():
             yield Case(label, seeds(merged(base, over), 1))
 
 
+# The default fill of the present format of scenarios.
+BY_VOLUME = {"product": {"fill": "volume"}}
+
+
 def bed(radius_mm, duration_s):
     """The default hopper with 191 fillets."""
     return {
@@ -75,8 +79,9 @@ def radius():
     """Discharge of the whole hopper over R, also with a fill by volume, and with a larger radius between fillets."""
     for words, over, counts in (
         ("", {}, (18, 24, 18, 18)),
-        (", by volume", {"product": {"fill": "volume"}}, (12, 12, 12, 12)),
+        (", by volume", BY_VOLUME, (12, 12, 12, 12)),
         (", ρ = 1.225", {"contact": {"fillet_fillet_radius_ratio": 1.225}}, (6, 6, 6, 6)),
+        (", ρ = 1.225, by volume", merged({"contact": {"fillet_fillet_radius_ratio": 1.225}}, BY_VOLUME), (6, 6, 6, 6)),
     ):
         for radius, count in zip((4, 5, 6, 7), counts):
             scenario = merged(bed(radius, 4.2), over)
@@ -103,6 +108,10 @@ def fill():
         "bonds": {"normal_stiffness_n_m3": 5e6, "shear_stiffness_n_m3": 3e6},
     }
     yield Case("6 mm, ρ = 1.225, bonds five times as stiff", seeds(merged(bed(6, 0.02), stiff), 5))
+    for radius in (8, 7, 6, 5, 4):
+        for ratio in (1.0, 1.225, 1.5):
+            over = merged({"contact": {"fillet_fillet_radius_ratio": ratio}}, BY_VOLUME)
+            yield Case(f"{radius} mm, ρ = {ratio}, by volume", seeds(merged(bed(radius, 0.02), over), 5))
 
 
 def dropped():
@@ -112,6 +121,9 @@ def dropped():
             for roll in (0, 40, 90):
                 scenarios = {f"{10 + offset} mm": dropped_at(10 + offset, radius, ratio, roll) for offset in (0, -6, -3, 3, 6)}
                 yield Case(f"{radius} mm, ρ = {ratio}, rolled by {roll}°", scenarios)
+                if ratio in (1.225, 1.5):
+                    by_volume = {place: merged(scenario, BY_VOLUME) for place, scenario in scenarios.items()}
+                    yield Case(f"{radius} mm, ρ = {ratio}, rolled by {roll}°, by volume", by_volume)
 
 
 def dropped_at(x_mm, radius_mm, ratio, roll_deg):
@@ -143,8 +155,10 @@ def impact():
                     "drop": {"speed_m_s": 4, "scatter_deg": 3, **angles},
                     "numerics": {"timestep_s": step},
                 }
-                label, short = (f"{radius} mm, {name}, {words}" for words in ("auto", "15 µs"))
-                yield Case(label, seeds(scenario, many), (short,)) if step == "auto" else Case(short, seeds(scenario, many))
+                for words, over in (("", {}), (", by volume", BY_VOLUME)):
+                    label, short = (f"{radius} mm, {name}, {stepped}{words}" for stepped in ("auto", "15 µs"))
+                    runs = seeds(merged(scenario, over), many)
+                    yield Case(label, runs, (short,)) if step == "auto" else Case(short, runs)
 
 
 def slide():
@@ -167,6 +181,9 @@ def slide():
                     for size, heading in places
                 }
                 yield Case(f"{radius} mm, μ = {friction}, {words}", scenarios)
+                if words in ("f = 0", "f = 1"):
+                    by_volume = {place: merged(scenario, BY_VOLUME) for place, scenario in scenarios.items()}
+                    yield Case(f"{radius} mm, μ = {friction}, {words}, by volume", by_volume)
 
 
 def stiffer_bonds(factors):
@@ -221,13 +238,17 @@ def silo():
         yield Case(label, seeds(scenario, count), against)
 
 
+# The default fill of this format is `centres`, as in the paper.
+SCHEMA = "roost.scenario/2"
+
+
 def simulate(roost, folder, scenario):
     """Responses of a scenario and the revision of the solver, from an earlier call if there is one."""
     result = folder / "result.json"
     # A simulation that was stopped leaves a result too.
     if not result.exists() or json.loads(result.read_text())["end_reason"] == "cancelled":
         document = folder / "scenario.json"
-        document.write_text(json.dumps(scenario))
+        document.write_text(json.dumps({"schema": SCHEMA, **scenario}))
         run(roost, document, folder)
     found = json.loads(result.read_text())
     return found["responses"], found["solver"]["revision"]

@@ -7,7 +7,7 @@ use crate::scenario::{self, Scenario};
 
 /// Changes with every change of a result: a bit of the simulation, or the meaning of a response, series or curve. Results
 /// of different revisions are never mixed, and stored results are keyed by it.
-pub const SOLVER_REVISION: u32 = 16;
+pub const SOLVER_REVISION: u32 = 17;
 
 /// The version of the solver crate.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

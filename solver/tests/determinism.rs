@@ -79,7 +79,7 @@ fn state_digests_match_this_solver_revision() {
         let bytes: Vec<u8> = words.flat_map(u32::to_le_bytes).collect();
         blake3::hash(&bytes).to_hex()
     };
-    assert_eq!(roost_solver::SOLVER_REVISION, 16);
+    assert_eq!(roost_solver::SOLVER_REVISION, 17);
     // Steps so long that dashpots are held back.
     let mut long = blocks();
     long.laws.tissue = law(false, 1e-4, 0.3, 0.055);

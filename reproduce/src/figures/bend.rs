@@ -5,7 +5,7 @@ use roost_terminal::plot::{Curve, Markers, Scale, Style};
 use serde_json::{Value, json};
 
 use super::model::extent_m;
-use super::{TABLE_2, curve, plot_svg, rounded, stiffness, stiffness_name};
+use super::{PAPER_FILL, TABLE_2, curve, plot_svg, rounded, stiffness, stiffness_name};
 use crate::picture::{Moment, Picture, Shot, View};
 use crate::plan::{Evaluation, Figure, Illustration, Part, Results, Run, with};
 use crate::profile::Profile;
@@ -39,7 +39,7 @@ pub(super) fn figure(profile: &Profile) -> Figure {
 fn runs(profile: &Profile) -> Vec<Run> {
     let base = json!({
         "experiment": "bend",
-        "product": {"shape": SIZE_2, "subparticle_radius_m": profile.radius_m},
+        "product": {"shape": SIZE_2, "subparticle_radius_m": profile.radius_m, "fill": PAPER_FILL},
         "numerics": {"timestep_s": "auto"},
     });
     let pictured =

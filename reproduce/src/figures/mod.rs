@@ -19,6 +19,9 @@ use super::profile::Profile;
 /// Normal and shear stiffness of Table 2, in N/m³.
 const TABLE_2: (f64, f64) = (1e6, 6e5);
 
+/// The rule of the paper for the points of a lattice: those inside the shape. The default of Roost keeps the volume of the shape.
+const PAPER_FILL: &str = "centres";
+
 /// Every figure of a profile.
 pub(super) fn all(profile: &Profile) -> Vec<Figure> {
     let model = [model::table_1(), lattice::figures_2_and_3(), model::table_2()];

@@ -7,14 +7,16 @@ use roost_solver::{Limits, check};
 use roost_terminal::format::significant;
 use serde_json::{Value, json};
 
+use super::PAPER_FILL;
 use crate::picture::{Moment, Picture, Shot, View};
 use crate::plan::{Evaluation, Figure, Illustration, Part};
 use crate::profile::Profile;
 use crate::row::{Demand, Row};
 
-/// The hopper experiment with all defaults.
+/// The hopper experiment with all defaults, but the lattice of the paper.
 pub(super) fn default_scenario() -> Scenario {
-    scenario::from_value(&json!({"experiment": "hopper"})).expect("everything else has a default")
+    let document = json!({"experiment": "hopper", "product": {"fill": PAPER_FILL}});
+    scenario::from_value(&document).expect("everything else has a default")
 }
 
 /// Shapes and masses.
@@ -43,7 +45,8 @@ fn kinds(scenario: &Scenario) -> Option<Vec<BodyKind>> {
 
 /// Length, width and thickness of a fillet between the surfaces of its sub-particles, in metres; sizes count from 0.
 pub(super) fn extent_m(size: usize, radius_m: f64) -> Option<[f64; 3]> {
-    let document = json!({"experiment": "hopper", "product": {"subparticle_radius_m": radius_m}});
+    let document =
+        json!({"experiment": "hopper", "product": {"subparticle_radius_m": radius_m, "fill": PAPER_FILL}});
     let scenario = scenario::from_value(&document).ok()?;
     // Each size is followed by its mirror image.
     let kinds = kinds(&scenario)?;

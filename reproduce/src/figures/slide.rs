@@ -5,7 +5,7 @@ use roost_terminal::format::significant;
 use roost_terminal::plot::{Curve, Markers, Scale, Style};
 use serde_json::{Value, json};
 
-use super::{curve, mean_curve, plot_svg, rounded};
+use super::{PAPER_FILL, curve, mean_curve, plot_svg, rounded};
 use crate::plan::{Evaluation, Figure, Illustration, Part, Results, Run, with};
 use crate::profile::Profile;
 use crate::record::Record;
@@ -43,7 +43,7 @@ fn name(friction: f64, energy: f64) -> String {
 fn runs(profile: &Profile) -> Vec<Run> {
     let base = json!({
         "experiment": "slide",
-        "product": {"subparticle_radius_m": profile.radius_m},
+        "product": {"subparticle_radius_m": profile.radius_m, "fill": PAPER_FILL},
         "slide": {"tilt_rate_deg_s": profile.tilt_rate_deg_s, "scatter_deg": SCATTER_DEG},
         "numerics": {"timestep_s": "auto"},
     });

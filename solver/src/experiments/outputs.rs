@@ -182,8 +182,8 @@ pub(super) const KINETIC_ENERGY: SeriesRow = SeriesRow {
     ..series(
         "kinetic_energy",
         "J",
-        "Kinetic energy of all bodies, from translation and rotation. In `hopper`, `bend` and `slide`, the series also has the time before \
-         t = 0, as negative times.",
+        "Kinetic energy of all bodies, from translation and rotation. In `hopper`, `bend` and `slide`, samples from before t = 0 have negative \
+         times.",
     )
 };
 pub(super) const BONDS_INTACT: SeriesRow = SeriesRow {
@@ -191,8 +191,7 @@ pub(super) const BONDS_INTACT: SeriesRow = SeriesRow {
     ..series(
         "bonds_intact_fraction",
         "1",
-        "Share of unbroken bonds among all bonds. In `hopper`, `bend` and `slide`, the series also has the time before t = 0, as negative \
-         times.",
+        "Share of unbroken bonds among all bonds. In `hopper`, `bend` and `slide`, samples from before t = 0 have negative times.",
     )
 };
 

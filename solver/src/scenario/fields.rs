@@ -34,7 +34,11 @@ const NUMERICS: &[Section] = &[
         None,
         "This section sets the time step, the duration, the time between samples, and the end of a simulation.",
     ),
-    section("/numerics/stop", None, "These conditions end a simulation before its duration is over."),
+    section(
+        "/numerics/stop",
+        None,
+        "Each field is a condition. The simulation ends as soon as one of the conditions is met, at the latest after its duration.",
+    ),
 ];
 
 /// The pointer of the table for a pointer of a document: `/scene/bodies/*` for `/scene/bodies/3`.
@@ -87,8 +91,8 @@ pub const EXPERIMENTS: &[&str] = &{
 #[rustfmt::skip]
 const HEAD: &[Field] = &[
     choice("/schema", &[SCHEMA], "format",
-        "Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds have no \
-         `reference_radius_m`."),
+        "Name and version of the document's format. Roost also reads the older formats `roost.scenario/1` and \
+         `roost.scenario/2`. In both, the default of `/product/fill` is `centres`. In `roost.scenario/1`, bonds have no `reference_radius_m`."),
     field("/experiment", FieldKind::Choice(EXPERIMENTS), "", Preset::Required, "section 2",
         "Kind of simulation. `hopper`: the discharge of a hopper (section 2.4). `drop`, `bend`, `slide` and `compress`: the paper's \
          small tests (section 2.3). `scene`: bodies and surfaces at positions that you choose."),

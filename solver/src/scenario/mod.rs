@@ -33,8 +33,8 @@ pub use schema::{field_tables_markdown, json_schema};
 pub use sections::*;
 pub use types::Scenario;
 
-/// The schema name that every scenario carries once it has been read. Documents of schema 1 are upgraded.
-pub const SCHEMA: &str = "roost.scenario/2";
+/// The schema name that every scenario carries once it has been read. Documents of earlier schemas are upgraded.
+pub const SCHEMA: &str = "roost.scenario/3";
 
 /// Reads a scenario from JSON text: one syntax error, or every fault at once, or the scenario.
 ///
@@ -44,7 +44,7 @@ pub fn parse(text: &str) -> Result<Scenario, ScenarioError> {
     from_value(&read_json(text)?).map_err(ScenarioError::Faults)
 }
 
-/// Reads a scenario from a JSON value of this schema or the earlier one: every fault at once, or the scenario with all
+/// Reads a scenario from a JSON value of this schema or an earlier one: every fault at once, or the scenario with all
 /// defaults filled in.
 ///
 /// # Errors

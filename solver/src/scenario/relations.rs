@@ -127,8 +127,8 @@ fn check_shapes(document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
         faults.push(Fault::new("/product/spheres", &Value::Bool(true), detail, allowed));
     }
     let pointer = "/product/fill";
-    if spheres && completed.pointer(pointer).is_some_and(|fill| fill != "centres") {
-        let allowed = Some("\"centres\" beside /product/spheres".to_owned());
+    if spheres && completed.pointer(pointer).is_some_and(|fill| fill != "volume") {
+        let allowed = Some("nothing here, or \"volume\", beside /product/spheres".to_owned());
         let value = as_written(document, completed, pointer);
         faults.push(Fault::new(pointer, value, "is excluded by /product/spheres".to_owned(), allowed));
     }

@@ -5,7 +5,7 @@
 //! 3). With one type all neighbours within the contact radius bond, diagonals included: the stiff truss of
 //! Fig. 2a.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
 use glam::{DVec3, IVec3};
 
@@ -88,8 +88,8 @@ impl MetaParticle {
             Fill::Centres => all.filter(|&cell| shape.contains(centre(cell))).collect(),
             Fill::WholeSpheres => all.filter(|&cell| shape.contains_sphere(centre(cell), radius)).collect(),
             Fill::Volume => {
-                let inside: HashSet<IVec3> =
-                    all.clone().filter(|&cell| shape.contains(centre(cell))).collect();
+                let is_inside = all.clone().map(|cell| shape.contains(centre(cell))).collect();
+                let inside = Inside { counts, is_inside };
                 let covered =
                     all.map(|cell| (cell, covered_samples(shape, &inside, cell, centre(cell), spacing)));
                 most_covered(&covered.collect::<Vec<_>>(), shape.volume_m3() / spacing.powi(3))
@@ -115,18 +115,27 @@ const SAMPLES: i32 = 6;
 /// Samples of a cell.
 const ALL_SAMPLES: usize = SAMPLES.pow(3) as usize;
 
-/// The number of evenly spaced samples of a cell that lie in a shape. `inside` has the cells whose centre does. Only a cell at the surface
-/// is sampled: one that has neighbours of both kinds.
-fn covered_samples(
-    shape: &impl Shape,
-    inside: &HashSet<IVec3>,
-    cell: IVec3,
-    centre: DVec3,
-    edge_m: f64,
-) -> usize {
-    let is_inside = inside.contains(&cell);
+/// Whether the centre of each cell lies in the shape.
+struct Inside {
+    /// Cells along each axis.
+    counts: IVec3,
+    /// In z, y, x order.
+    is_inside: Vec<bool>,
+}
+
+impl Inside {
+    fn contains(&self, cell: IVec3) -> bool {
+        let is_cell = cell.cmpge(IVec3::ZERO).all() && cell.cmplt(self.counts).all();
+        is_cell && self.is_inside[((cell.z * self.counts.y + cell.y) * self.counts.x + cell.x) as usize]
+    }
+}
+
+/// The number of evenly spaced samples of a cell that lie in a shape. Only a cell at the surface is sampled: one that has neighbours of both
+/// kinds.
+fn covered_samples(shape: &impl Shape, inside: &Inside, cell: IVec3, centre: DVec3, edge_m: f64) -> usize {
+    let is_inside = inside.contains(cell);
     let mut neighbours = neighbour_steps().flat_map(|step| [cell + step, cell - step]);
-    if neighbours.all(|neighbour| inside.contains(&neighbour) == is_inside) {
+    if neighbours.all(|neighbour| inside.contains(neighbour) == is_inside) {
         return if is_inside { ALL_SAMPLES } else { 0 };
     }
     // Odd steps from the centre: the samples of mirrored cells are exact mirror images.

@@ -80,8 +80,19 @@ pub enum ShapeError {
         radius_m: f64,
         /// Lattice points in the box.
         cells: f64,
-        /// The maximum for the rule of the fill.
+        /// The maximum.
         most: f64,
+    },
+    /// The lattice has too many cells to find their volumes in reasonable time.
+    #[error(
+        "sub-particles of radius {radius_m} m make {cells:.1e} lattice points in the shape's box, at most {MAX_SAMPLED_CELLS:.0e} are taken \
+         by volume: a larger radius, or /product/fill \"centres\""
+    )]
+    TooFineForVolume {
+        /// Radius of the sub-particles, in metres.
+        radius_m: f64,
+        /// Lattice points in the box.
+        cells: f64,
     },
     /// The lattice is so coarse that no point lies inside.
     #[error("no sub-particle of radius {radius_m} m fits inside the shape, which is {} × {} × {} m", .size_m[0], .size_m[1], .size_m[2])]
@@ -193,9 +204,11 @@ pub fn from_block(counts: [u32; 3], radius_m: f64, reach: u32) -> Result<Arc<Met
 fn filled(shape: &impl Shape, radius_m: f64, fill: Fill, reach: u32) -> Result<MetaParticle, ShapeError> {
     // The fill covers one layer more on either side.
     let cells = (shape.layers(2.0 * radius_m).as_dvec3() + 2.0).element_product();
-    let most = if fill == Fill::Volume { MAX_SAMPLED_CELLS } else { MAX_LATTICE_CELLS };
-    if cells > most {
-        return Err(ShapeError::TooFine { radius_m, cells, most });
+    if cells > MAX_LATTICE_CELLS {
+        return Err(ShapeError::TooFine { radius_m, cells, most: MAX_LATTICE_CELLS });
+    }
+    if fill == Fill::Volume && cells > MAX_SAMPLED_CELLS {
+        return Err(ShapeError::TooFineForVolume { radius_m, cells });
     }
     let (meta, discarded) = MetaParticle::fill_counting_discarded(shape, radius_m, fill, reach);
     match meta.points.len() {

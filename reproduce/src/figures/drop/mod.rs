@@ -9,6 +9,7 @@ use roost_stats::ReplicateValues;
 use roost_terminal::format::significant;
 use serde_json::{Value, json};
 
+use super::PAPER_FILL;
 use crate::plan::{Figure, Results, Run, with};
 use crate::profile::Profile;
 
@@ -43,7 +44,9 @@ pub(super) fn figures(profile: &Profile) -> Vec<Figure> {
 fn base(profile: &Profile) -> Value {
     json!({
         "experiment": "drop",
-        "product": {"count": 6 * profile.of_each_shape, "subparticle_radius_m": profile.radius_m},
+        "product": {
+            "count": 6 * profile.of_each_shape, "subparticle_radius_m": profile.radius_m, "fill": PAPER_FILL,
+        },
         "drop": {"speed_m_s": USUAL_M_S, "scatter_deg": SCATTER_DEG},
         "numerics": {"timestep_s": "auto"},
     })

@@ -9,6 +9,7 @@ use roost_terminal::format::significant;
 use roost_terminal::plot::{self, Curve, Panel, Style};
 use serde_json::{Value, json};
 
+use super::PAPER_FILL;
 use crate::plan::{Evaluation, Figure, Illustration, Results, Run};
 use crate::profile::{Bed, Profile, WHOLE_WIDTH_M};
 use crate::record::Record;
@@ -42,7 +43,7 @@ pub(super) fn scenario(bed: &Bed, opening_m: f64, condition: &str) -> Value {
     let is_slice = bed.width_m < WHOLE_WIDTH_M;
     json!({
         "experiment": "hopper",
-        "product": {"count": bed.count, "subparticle_radius_m": bed.radius_m},
+        "product": {"count": bed.count, "subparticle_radius_m": bed.radius_m, "fill": PAPER_FILL},
         "equipment": {
             "gate_opening_m": opening_m,
             "hopper_width_m": bed.width_m,

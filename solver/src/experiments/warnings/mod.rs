@@ -49,7 +49,7 @@ const WHOLE_SPHERES: WarningKind = kind(
     "The field `/product/fill` is \"whole_spheres\": each sub-particle lies completely inside the shape of the body. A gap then remains \
      between the sub-particles and the surface of the shape. Therefore the simulated body is up to 2R thinner than the shape in the \
      scenario.",
-    "Set /product/fill to \"centres\", or choose a smaller /product/subparticle_radius_m.",
+    "Leave /product/fill out, or choose a smaller /product/subparticle_radius_m.",
 );
 const THIN_FILLET: WarningKind = kind(
     "thin_fillet",

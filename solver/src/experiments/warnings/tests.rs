@@ -96,7 +96,7 @@ fn fill_of_whole_spheres_has_a_warning_with_its_volume_share() {
 
 #[test]
 fn fill_of_single_spheres_is_refused() {
-    for fill in ["whole_spheres", "volume"] {
+    for fill in ["whole_spheres", "centres"] {
         let document = hopper(json!({"spheres": true, "fill": fill}), json!({}));
         let faults = from_value(&document).expect_err("refused");
         assert_eq!(faults.iter().map(|fault| fault.pointer.as_str()).collect::<Vec<_>>(), ["/product/fill"]);

@@ -54,7 +54,8 @@ const SURFACE_ENERGY: Range = from_to(0.0, 10.0);
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     choice("/contact/condition", &["dry", "wet"], "section 2.4",
         "Surface of the fillets: dry or wet. The value `wet` changes two defaults: the surface energy between fillets, and the friction \
-         on the belt. If you set one of these two fields yourself, Roost uses your value."),
+         on the belt. By default, the surface energies on equipment and on the belt are the surface energy between fillets. If you set \
+         one of these fields yourself, Roost uses your value."),
     nullable("/contact/surface_energy_radius_m", "m", above_to(0.0, 0.05), "assumed",
         "Radius R₀ of the sub-particles for which the surface energies γ are given. At another radius R, Roost uses the energy γ R/R₀. On \
          equipment, the maximum adhesion force per area is then 3πγ/(4 R₀). This force per area does not depend on R. For a liquid film, \

@@ -95,11 +95,11 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/product/subparticle_radius_m", "m", 0.004, from_to(5e-4, 0.05), "section 2.2",
         "Radius of a sub-particle before scaling. R is this radius times `scale`. The centres of neighbouring sub-particles are 2R apart. \
          If you halve the radius, a body has eight times as many sub-particles."),
-    choice("/product/fill", &["centres", "whole_spheres", "volume"], "assumed",
-        "Rule that selects the points of the lattice (cubic grid) at which a body has sub-particles. `centres`: all points inside the \
-         shape. `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. `volume`: each point has a cell, a \
-         cube with the edge 2R. Roost selects the cells with the largest share inside the shape, until the cells together have the \
-         volume of the shape. Use `volume` to compare results for different values of R.")
+    choice("/product/fill", &["volume", "centres", "whole_spheres"], "assumed; the paper has the points inside",
+        "Rule that selects the points of the lattice (cubic grid) at which a body has sub-particles. `volume`: each point has a cell, a cube \
+         with the edge 2R. Roost selects the cells with the largest share inside the shape, until the cells together have the volume of \
+         the shape. `centres`: all points inside the shape, as in the paper. `whole_spheres`: only the points whose whole sphere of \
+         radius R is inside the shape. With `centres` and `whole_spheres`, the volume of the cells depends on R.")
         .by_name(),
     nullable("/product/subparticle_density_kg_m3", "kg/m³", DENSITY, "Table 2 has 2200",
         "Density of a sub-particle. Set this field or `density_kg_m3`, but not both. The paper states a value for each of the two \

@@ -3,12 +3,12 @@
 use serde_json::json;
 
 use super::{full, minimal, with};
-use crate::scenario::{Auto, Condition, SCHEMA, ScenarioError, Timestep, from_value, parse};
+use crate::scenario::{Auto, Condition, Fill, SCHEMA, ScenarioError, Timestep, from_value, parse};
 
 /// The document of the paper's bulk case as the design spells it.
 const SPELLED_OUT: &str = r#"
-{"schema": "roost.scenario/2", "experiment": "hopper",
- "product":   {"count": 191, "subparticle_radius_m": 0.004, "fill": "centres", "density_kg_m3": 940},
+{"schema": "roost.scenario/3", "experiment": "hopper",
+ "product":   {"count": 191, "subparticle_radius_m": 0.004, "fill": "volume", "density_kg_m3": 940},
  "material":  {"youngs_modulus_pa": 48600, "poisson_ratio": 0.37},
  "bonds":     {"formulation": "corotated", "normal_stiffness_n_m3": 1e6, "shear_stiffness_n_m3": 6e5,
                "contact_radius_ratio": 1.732, "contact_between_bonded": true},
@@ -31,12 +31,14 @@ fn schema_1_keeps_the_meaning_of_its_bonds() {
     let old = read(json!({"schema": "roost.scenario/1", "experiment": "hopper"}));
     assert_eq!(old.bonds.reference_radius_m, None);
     assert_eq!(old.schema, SCHEMA);
-    let same = json!({"schema": SCHEMA, "experiment": "hopper", "bonds": {"reference_radius_m": null}});
+    let same = json!({"schema": SCHEMA, "experiment": "hopper", "bonds": {"reference_radius_m": null},
+        "product": {"fill": "centres"}});
     assert_eq!(old, read(same));
     // Everything else is alike, and the upgraded document reads back as itself.
     let mut bonds = minimal();
     assert_eq!(bonds.bonds.reference_radius_m, Some(0.004));
     bonds.bonds.reference_radius_m = None;
+    bonds.product.fill = Fill::Centres;
     assert_eq!(old, bonds);
     assert_eq!(from_value(&json!(old)).unwrap(), old);
     // Values that a document states stay; a faulty section is at fault as ever.
@@ -46,6 +48,33 @@ fn schema_1_keeps_the_meaning_of_its_bonds() {
     assert_eq!(read(stated.clone()).bonds.reference_radius_m, Some(0.006));
     stated["bonds"] = json!(null);
     assert_eq!(from_value(&stated).unwrap_err()[0].pointer, "/bonds");
+}
+
+#[test]
+fn schema_2_keeps_the_points_of_its_lattice() {
+    let read = |document| from_value(&document).unwrap();
+    let product = |product| json!({"schema": "roost.scenario/2", "experiment": "hopper", "product": product});
+    let old = read(json!({"schema": "roost.scenario/2", "experiment": "hopper"}));
+    assert_eq!(old.product.fill, Fill::Centres);
+    assert_eq!(old.schema, SCHEMA);
+    // Everything else is alike, and the upgraded document reads back as itself.
+    let mut centres = minimal();
+    assert_eq!(centres.product.fill, Fill::Volume);
+    centres.product.fill = Fill::Centres;
+    assert_eq!(old, centres);
+    assert_eq!(from_value(&json!(old)).unwrap(), old);
+    // Values that a document states stay; a faulty section is at fault as ever.
+    assert_eq!(read(product(json!({"fill": "volume"}))).product.fill, Fill::Volume);
+    assert_eq!(read(product(json!({"fill": "whole_spheres"}))).product.fill, Fill::WholeSpheres);
+    assert_eq!(from_value(&product(json!(3))).unwrap_err()[0].pointer, "/product");
+    // Single spheres and the block of a compression have no shape: a complete document of that time stated its default.
+    for stated in [json!({"spheres": true}), json!({"spheres": true, "fill": "centres"})] {
+        assert_eq!(read(product(stated)).product.fill, Fill::Volume);
+    }
+    for stated in [json!({}), json!({"fill": "centres"})] {
+        let block = json!({"schema": "roost.scenario/2", "experiment": "compress", "product": stated});
+        assert_eq!(read(block).product.fill, Fill::Volume);
+    }
 }
 
 #[test]
@@ -70,7 +99,7 @@ fn serialised_scenario_reads_back_unchanged() {
 #[test]
 fn digest_ignores_field_order_and_explicit_defaults() {
     let digest = minimal().digest();
-    let turned = r#"{"seed": 1, "product": {"fill": "centres", "count": 191}, "experiment": "hopper"}"#;
+    let turned = r#"{"seed": 1, "product": {"fill": "volume", "count": 191}, "experiment": "hopper"}"#;
     assert_eq!(parse(turned).unwrap().digest(), digest);
     assert_eq!(parse(SPELLED_OUT).unwrap().digest(), digest);
     assert_eq!(from_value(&with("/product/count", json!(191.0))).unwrap().digest(), digest);
