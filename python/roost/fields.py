@@ -182,7 +182,8 @@ class ContactFilletFillet(TypedDict, total=False):
 
 
 class HopperNumericsStop(TypedDict, total=False):
-    """These conditions end a simulation before its duration is over."""
+    """Each field is a condition. The simulation ends as soon as one of the conditions is met, at the latest after its
+    duration."""
 
     when_empty: bool
     """Whether the simulation ends when no body is left. In a hopper, every fillet has then passed the gate. In a scene,
@@ -194,7 +195,8 @@ class HopperNumericsStop(TypedDict, total=False):
 
 
 class DropNumericsStop(TypedDict, total=False):
-    """These conditions end a simulation before its duration is over."""
+    """Each field is a condition. The simulation ends as soon as one of the conditions is met, at the latest after its
+    duration."""
 
     when_done: bool
     """Whether the simulation ends as soon as its result is known. The result is known when the bodies are at rest
@@ -203,7 +205,8 @@ class DropNumericsStop(TypedDict, total=False):
 
 
 class BendNumericsStop(TypedDict, total=False):
-    """These conditions end a simulation before its duration is over."""
+    """Each field is a condition. The simulation ends as soon as one of the conditions is met, at the latest after its
+    duration."""
 
     when_done: bool
     """Whether the simulation ends as soon as its result is known. The result is known when the bodies are at rest
@@ -212,7 +215,8 @@ class BendNumericsStop(TypedDict, total=False):
 
 
 class SlideNumericsStop(TypedDict, total=False):
-    """These conditions end a simulation before its duration is over."""
+    """Each field is a condition. The simulation ends as soon as one of the conditions is met, at the latest after its
+    duration."""
 
     when_done: bool
     """Whether the simulation ends as soon as its result is known. The result is known when the bodies are at rest
@@ -221,7 +225,8 @@ class SlideNumericsStop(TypedDict, total=False):
 
 
 class CompressNumericsStop(TypedDict, total=False):
-    """These conditions end a simulation before its duration is over."""
+    """Each field is a condition. The simulation ends as soon as one of the conditions is met, at the latest after its
+    duration."""
 
     when_done: bool
     """Whether the simulation ends as soon as its result is known. The result is known when the bodies are at rest
@@ -230,7 +235,8 @@ class CompressNumericsStop(TypedDict, total=False):
 
 
 class SceneNumericsStop(TypedDict, total=False):
-    """These conditions end a simulation before its duration is over."""
+    """Each field is a condition. The simulation ends as soon as one of the conditions is met, at the latest after its
+    duration."""
 
     when_done: bool
     """Whether the simulation ends as soon as its result is known. The result is known when the bodies are at rest
@@ -292,8 +298,9 @@ class HopperContact(TypedDict, total=False):
 
     condition: Literal["dry", "wet"]
     """Surface of the fillets: dry or wet. The value `wet` changes two defaults: the surface energy between fillets, and
-    the friction on the belt. If you set one of these two fields yourself, Roost uses your value. Source: section 2.4.
-    Default: "dry"."""
+    the friction on the belt. By default, the surface energies on equipment and on the belt are the surface energy
+    between fillets. If you set one of these fields yourself, Roost uses your value. Source: section 2.4. Default:
+    "dry"."""
     fillet_belt: ContactFilletBelt
     """These values apply to contacts of sub-particles with a belt. Not every experiment has a belt."""
     fillet_equipment: ContactFilletEquipment
@@ -316,8 +323,9 @@ class DropContact(TypedDict, total=False):
 
     condition: Literal["dry", "wet"]
     """Surface of the fillets: dry or wet. The value `wet` changes two defaults: the surface energy between fillets, and
-    the friction on the belt. If you set one of these two fields yourself, Roost uses your value. Source: section 2.4.
-    Default: "dry"."""
+    the friction on the belt. By default, the surface energies on equipment and on the belt are the surface energy
+    between fillets. If you set one of these fields yourself, Roost uses your value. Source: section 2.4. Default:
+    "dry"."""
     fillet_belt: ContactFilletBelt
     """These values apply to contacts of sub-particles with a belt. Not every experiment has a belt."""
     fillet_equipment: ContactFilletEquipment
@@ -336,8 +344,9 @@ class BendContact(TypedDict, total=False):
 
     condition: Literal["dry", "wet"]
     """Surface of the fillets: dry or wet. The value `wet` changes two defaults: the surface energy between fillets, and
-    the friction on the belt. If you set one of these two fields yourself, Roost uses your value. Source: section 2.4.
-    Default: "dry"."""
+    the friction on the belt. By default, the surface energies on equipment and on the belt are the surface energy
+    between fillets. If you set one of these fields yourself, Roost uses your value. Source: section 2.4. Default:
+    "dry"."""
     fillet_belt: ContactFilletBelt
     """These values apply to contacts of sub-particles with a belt. Not every experiment has a belt."""
     fillet_equipment: ContactFilletEquipment
@@ -356,8 +365,9 @@ class SlideContact(TypedDict, total=False):
 
     condition: Literal["dry", "wet"]
     """Surface of the fillets: dry or wet. The value `wet` changes two defaults: the surface energy between fillets, and
-    the friction on the belt. If you set one of these two fields yourself, Roost uses your value. Source: section 2.4.
-    Default: "dry"."""
+    the friction on the belt. By default, the surface energies on equipment and on the belt are the surface energy
+    between fillets. If you set one of these fields yourself, Roost uses your value. Source: section 2.4. Default:
+    "dry"."""
     fillet_belt: ContactFilletBelt
     """These values apply to contacts of sub-particles with a belt. Not every experiment has a belt."""
     fillet_equipment: ContactFilletEquipment
@@ -376,8 +386,9 @@ class CompressContact(TypedDict, total=False):
 
     condition: Literal["dry", "wet"]
     """Surface of the fillets: dry or wet. The value `wet` changes two defaults: the surface energy between fillets, and
-    the friction on the belt. If you set one of these two fields yourself, Roost uses your value. Source: section 2.4.
-    Default: "dry"."""
+    the friction on the belt. By default, the surface energies on equipment and on the belt are the surface energy
+    between fillets. If you set one of these fields yourself, Roost uses your value. Source: section 2.4. Default:
+    "dry"."""
     fillet_belt: ContactFilletBelt
     """These values apply to contacts of sub-particles with a belt. Not every experiment has a belt."""
     fillet_equipment: ContactFilletEquipment
@@ -396,8 +407,9 @@ class SceneContact(TypedDict, total=False):
 
     condition: Literal["dry", "wet"]
     """Surface of the fillets: dry or wet. The value `wet` changes two defaults: the surface energy between fillets, and
-    the friction on the belt. If you set one of these two fields yourself, Roost uses your value. Source: section 2.4.
-    Default: "dry"."""
+    the friction on the belt. By default, the surface energies on equipment and on the belt are the surface energy
+    between fillets. If you set one of these fields yourself, Roost uses your value. Source: section 2.4. Default:
+    "dry"."""
     fillet_belt: ContactFilletBelt
     """These values apply to contacts of sub-particles with a belt. Not every experiment has a belt."""
     fillet_equipment: ContactFilletEquipment
@@ -511,7 +523,8 @@ class HopperNumerics(TypedDict, total=False):
     """Maximum speed of a sub-particle. If a sub-particle is faster, the simulation ends with the end reason `unstable`.
     Unit: m/s. Source: numerics. Default: 30.0. Range: ≥ 1 and ≤ 10000."""
     stop: HopperNumericsStop
-    """These conditions end a simulation before its duration is over."""
+    """Each field is a condition. The simulation ends as soon as one of the conditions is met, at the latest after its
+    duration."""
     timestep_s: float | Literal["auto"]
     """Time step of the simulation. Above a certain time step, the stability limit, the simulation can become unstable
     (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit. The computation
@@ -541,7 +554,8 @@ class DropNumerics(TypedDict, total=False):
     """Maximum speed of a sub-particle. If a sub-particle is faster, the simulation ends with the end reason `unstable`.
     Unit: m/s. Source: numerics. Default: 30.0. Range: ≥ 1 and ≤ 10000."""
     stop: DropNumericsStop
-    """These conditions end a simulation before its duration is over."""
+    """Each field is a condition. The simulation ends as soon as one of the conditions is met, at the latest after its
+    duration."""
     timestep_s: float | Literal["auto"]
     """Time step of the simulation. Above a certain time step, the stability limit, the simulation can become unstable
     (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit. The computation
@@ -574,7 +588,8 @@ class BendNumerics(TypedDict, total=False):
     """Maximum speed of a sub-particle. If a sub-particle is faster, the simulation ends with the end reason `unstable`.
     Unit: m/s. Source: numerics. Default: 30.0. Range: ≥ 1 and ≤ 10000."""
     stop: BendNumericsStop
-    """These conditions end a simulation before its duration is over."""
+    """Each field is a condition. The simulation ends as soon as one of the conditions is met, at the latest after its
+    duration."""
     timestep_s: float | Literal["auto"]
     """Time step of the simulation. Above a certain time step, the stability limit, the simulation can become unstable
     (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit. The computation
@@ -604,7 +619,8 @@ class SlideNumerics(TypedDict, total=False):
     """Maximum speed of a sub-particle. If a sub-particle is faster, the simulation ends with the end reason `unstable`.
     Unit: m/s. Source: numerics. Default: 30.0. Range: ≥ 1 and ≤ 10000."""
     stop: SlideNumericsStop
-    """These conditions end a simulation before its duration is over."""
+    """Each field is a condition. The simulation ends as soon as one of the conditions is met, at the latest after its
+    duration."""
     timestep_s: float | Literal["auto"]
     """Time step of the simulation. Above a certain time step, the stability limit, the simulation can become unstable
     (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit. The computation
@@ -631,7 +647,8 @@ class CompressNumerics(TypedDict, total=False):
     """Maximum speed of a sub-particle. If a sub-particle is faster, the simulation ends with the end reason `unstable`.
     Unit: m/s. Source: numerics. Default: 30.0. Range: ≥ 1 and ≤ 10000."""
     stop: CompressNumericsStop
-    """These conditions end a simulation before its duration is over."""
+    """Each field is a condition. The simulation ends as soon as one of the conditions is met, at the latest after its
+    duration."""
     timestep_s: float | Literal["auto"]
     """Time step of the simulation. Above a certain time step, the stability limit, the simulation can become unstable
     (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit. The computation
@@ -661,7 +678,8 @@ class SceneNumerics(TypedDict, total=False):
     """Maximum speed of a sub-particle. If a sub-particle is faster, the simulation ends with the end reason `unstable`.
     Unit: m/s. Source: numerics. Default: 30.0. Range: ≥ 1 and ≤ 10000."""
     stop: SceneNumericsStop
-    """These conditions end a simulation before its duration is over."""
+    """Each field is a condition. The simulation ends as soon as one of the conditions is met, at the latest after its
+    duration."""
     timestep_s: float | Literal["auto"]
     """Time step of the simulation. Above a certain time step, the stability limit, the simulation can become unstable
     (numerical errors grow without limit). `auto`: Roost computes a time step safely below this limit. The computation
@@ -681,12 +699,13 @@ class HopperProduct(TypedDict, total=False):
     density_kg_m3: float | None
     """Density of a body: the mass of the body divided by its volume. If you set `subparticle_density_kg_m3`, this field
     is null. Unit: kg/m³. Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
-    fill: Literal["centres", "whole_spheres", "volume"]
-    """Rule that selects the points of the lattice (cubic grid) at which a body has sub-particles. `centres`: all points
-    inside the shape. `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. `volume`:
-    each point has a cell, a cube with the edge 2R. Roost selects the cells with the largest share inside the shape,
-    until the cells together have the volume of the shape. Use `volume` to compare results for different values of R.
-    Source: assumed. Default: "centres"."""
+    fill: Literal["volume", "centres", "whole_spheres"]
+    """Rule that selects the points of the lattice (cubic grid) at which a body has sub-particles. `volume`: each point
+    has a cell, a cube with the edge 2R. Roost selects the cells with the largest share inside the shape, until the
+    cells together have the volume of the shape. `centres`: all points inside the shape, as in the paper.
+    `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. With `centres` and
+    `whole_spheres`, the volume of the cells depends on R. Source: assumed; the paper has the points inside. Default:
+    "volume"."""
     mesh: MeshFile | MeshDigest | None
     """Closed mesh (triangles from an STL file) that gives all fillets their shape. Null: the fillets are teardrops with
     the sizes in `sizes_m`. Source: section 2.2. Default: null."""
@@ -726,12 +745,13 @@ class DropProduct(TypedDict, total=False):
     density_kg_m3: float | None
     """Density of a body: the mass of the body divided by its volume. If you set `subparticle_density_kg_m3`, this field
     is null. Unit: kg/m³. Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
-    fill: Literal["centres", "whole_spheres", "volume"]
-    """Rule that selects the points of the lattice (cubic grid) at which a body has sub-particles. `centres`: all points
-    inside the shape. `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. `volume`:
-    each point has a cell, a cube with the edge 2R. Roost selects the cells with the largest share inside the shape,
-    until the cells together have the volume of the shape. Use `volume` to compare results for different values of R.
-    Source: assumed. Default: "centres"."""
+    fill: Literal["volume", "centres", "whole_spheres"]
+    """Rule that selects the points of the lattice (cubic grid) at which a body has sub-particles. `volume`: each point
+    has a cell, a cube with the edge 2R. Roost selects the cells with the largest share inside the shape, until the
+    cells together have the volume of the shape. `centres`: all points inside the shape, as in the paper.
+    `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. With `centres` and
+    `whole_spheres`, the volume of the cells depends on R. Source: assumed; the paper has the points inside. Default:
+    "volume"."""
     mesh: MeshFile | MeshDigest | None
     """Closed mesh (triangles from an STL file) that gives all fillets their shape. Null: the fillets are teardrops with
     the sizes in `sizes_m`. Source: section 2.2. Default: null."""
@@ -762,12 +782,13 @@ class BendProduct(TypedDict, total=False):
     density_kg_m3: float | None
     """Density of a body: the mass of the body divided by its volume. If you set `subparticle_density_kg_m3`, this field
     is null. Unit: kg/m³. Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
-    fill: Literal["centres", "whole_spheres", "volume"]
-    """Rule that selects the points of the lattice (cubic grid) at which a body has sub-particles. `centres`: all points
-    inside the shape. `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. `volume`:
-    each point has a cell, a cube with the edge 2R. Roost selects the cells with the largest share inside the shape,
-    until the cells together have the volume of the shape. Use `volume` to compare results for different values of R.
-    Source: assumed. Default: "centres"."""
+    fill: Literal["volume", "centres", "whole_spheres"]
+    """Rule that selects the points of the lattice (cubic grid) at which a body has sub-particles. `volume`: each point
+    has a cell, a cube with the edge 2R. Roost selects the cells with the largest share inside the shape, until the
+    cells together have the volume of the shape. `centres`: all points inside the shape, as in the paper.
+    `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. With `centres` and
+    `whole_spheres`, the volume of the cells depends on R. Source: assumed; the paper has the points inside. Default:
+    "volume"."""
     mesh: MeshFile | MeshDigest | None
     """Closed mesh (triangles from an STL file) that gives all fillets their shape. Null: the fillets are teardrops with
     the sizes in `sizes_m`. Source: section 2.2. Default: null."""
@@ -798,12 +819,13 @@ class SlideProduct(TypedDict, total=False):
     density_kg_m3: float | None
     """Density of a body: the mass of the body divided by its volume. If you set `subparticle_density_kg_m3`, this field
     is null. Unit: kg/m³. Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
-    fill: Literal["centres", "whole_spheres", "volume"]
-    """Rule that selects the points of the lattice (cubic grid) at which a body has sub-particles. `centres`: all points
-    inside the shape. `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. `volume`:
-    each point has a cell, a cube with the edge 2R. Roost selects the cells with the largest share inside the shape,
-    until the cells together have the volume of the shape. Use `volume` to compare results for different values of R.
-    Source: assumed. Default: "centres"."""
+    fill: Literal["volume", "centres", "whole_spheres"]
+    """Rule that selects the points of the lattice (cubic grid) at which a body has sub-particles. `volume`: each point
+    has a cell, a cube with the edge 2R. Roost selects the cells with the largest share inside the shape, until the
+    cells together have the volume of the shape. `centres`: all points inside the shape, as in the paper.
+    `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. With `centres` and
+    `whole_spheres`, the volume of the cells depends on R. Source: assumed; the paper has the points inside. Default:
+    "volume"."""
     mesh: MeshFile | MeshDigest | None
     """Closed mesh (triangles from an STL file) that gives all fillets their shape. Null: the fillets are teardrops with
     the sizes in `sizes_m`. Source: section 2.2. Default: null."""
@@ -854,12 +876,13 @@ class SceneProduct(TypedDict, total=False):
     density_kg_m3: float | None
     """Density of a body: the mass of the body divided by its volume. If you set `subparticle_density_kg_m3`, this field
     is null. Unit: kg/m³. Source: Table 2. Default: 940.0. Range: ≥ 10 and ≤ 20000."""
-    fill: Literal["centres", "whole_spheres", "volume"]
-    """Rule that selects the points of the lattice (cubic grid) at which a body has sub-particles. `centres`: all points
-    inside the shape. `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. `volume`:
-    each point has a cell, a cube with the edge 2R. Roost selects the cells with the largest share inside the shape,
-    until the cells together have the volume of the shape. Use `volume` to compare results for different values of R.
-    Source: assumed. Default: "centres"."""
+    fill: Literal["volume", "centres", "whole_spheres"]
+    """Rule that selects the points of the lattice (cubic grid) at which a body has sub-particles. `volume`: each point
+    has a cell, a cube with the edge 2R. Roost selects the cells with the largest share inside the shape, until the
+    cells together have the volume of the shape. `centres`: all points inside the shape, as in the paper.
+    `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. With `centres` and
+    `whole_spheres`, the volume of the cells depends on R. Source: assumed; the paper has the points inside. Default:
+    "volume"."""
     mesh: MeshFile | MeshDigest | None
     """Closed mesh (triangles from an STL file) that gives all fillets their shape. Null: the fillets are teardrops with
     the sizes in `sizes_m`. Source: section 2.2. Default: null."""
@@ -1002,9 +1025,10 @@ class HopperScenario(TypedDict, total=False):
     product: HopperProduct
     """This section describes the bodies and their sub-particles. A body is a fillet, a block of tissue (only in
     `compress`) or a single sphere."""
-    schema: Literal["roost.scenario/2"]
-    """Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds
-    have no `reference_radius_m`. Source: format. Default: "roost.scenario/2"."""
+    schema: Literal["roost.scenario/3"]
+    """Name and version of the document's format. Roost also reads the older formats `roost.scenario/1` and
+    `roost.scenario/2`. In both, the default of `/product/fill` is `centres`. In `roost.scenario/1`, bonds have no
+    `reference_radius_m`. Source: format. Default: "roost.scenario/3"."""
     seed: int
     """Start value of all random numbers. With another seed, the random start positions and angles of the bodies are
     different. Source: numerics. Default: 1. Range: ≥ 0 and ≤ 9007199254740991."""
@@ -1030,9 +1054,10 @@ class DropScenario(TypedDict, total=False):
     product: DropProduct
     """This section describes the bodies and their sub-particles. A body is a fillet, a block of tissue (only in
     `compress`) or a single sphere."""
-    schema: Literal["roost.scenario/2"]
-    """Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds
-    have no `reference_radius_m`. Source: format. Default: "roost.scenario/2"."""
+    schema: Literal["roost.scenario/3"]
+    """Name and version of the document's format. Roost also reads the older formats `roost.scenario/1` and
+    `roost.scenario/2`. In both, the default of `/product/fill` is `centres`. In `roost.scenario/1`, bonds have no
+    `reference_radius_m`. Source: format. Default: "roost.scenario/3"."""
     seed: int
     """Start value of all random numbers. With another seed, the random start positions and angles of the bodies are
     different. Source: numerics. Default: 1. Range: ≥ 0 and ≤ 9007199254740991."""
@@ -1058,9 +1083,10 @@ class BendScenario(TypedDict, total=False):
     product: BendProduct
     """This section describes the bodies and their sub-particles. A body is a fillet, a block of tissue (only in
     `compress`) or a single sphere."""
-    schema: Literal["roost.scenario/2"]
-    """Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds
-    have no `reference_radius_m`. Source: format. Default: "roost.scenario/2"."""
+    schema: Literal["roost.scenario/3"]
+    """Name and version of the document's format. Roost also reads the older formats `roost.scenario/1` and
+    `roost.scenario/2`. In both, the default of `/product/fill` is `centres`. In `roost.scenario/1`, bonds have no
+    `reference_radius_m`. Source: format. Default: "roost.scenario/3"."""
     seed: int
     """Start value of all random numbers. With another seed, the random start positions and angles of the bodies are
     different. Source: numerics. Default: 1. Range: ≥ 0 and ≤ 9007199254740991."""
@@ -1084,9 +1110,10 @@ class SlideScenario(TypedDict, total=False):
     product: SlideProduct
     """This section describes the bodies and their sub-particles. A body is a fillet, a block of tissue (only in
     `compress`) or a single sphere."""
-    schema: Literal["roost.scenario/2"]
-    """Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds
-    have no `reference_radius_m`. Source: format. Default: "roost.scenario/2"."""
+    schema: Literal["roost.scenario/3"]
+    """Name and version of the document's format. Roost also reads the older formats `roost.scenario/1` and
+    `roost.scenario/2`. In both, the default of `/product/fill` is `centres`. In `roost.scenario/1`, bonds have no
+    `reference_radius_m`. Source: format. Default: "roost.scenario/3"."""
     seed: int
     """Start value of all random numbers. With another seed, the random start positions and angles of the bodies are
     different. Source: numerics. Default: 1. Range: ≥ 0 and ≤ 9007199254740991."""
@@ -1114,9 +1141,10 @@ class CompressScenario(TypedDict, total=False):
     product: CompressProduct
     """This section describes the bodies and their sub-particles. A body is a fillet, a block of tissue (only in
     `compress`) or a single sphere."""
-    schema: Literal["roost.scenario/2"]
-    """Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds
-    have no `reference_radius_m`. Source: format. Default: "roost.scenario/2"."""
+    schema: Literal["roost.scenario/3"]
+    """Name and version of the document's format. Roost also reads the older formats `roost.scenario/1` and
+    `roost.scenario/2`. In both, the default of `/product/fill` is `centres`. In `roost.scenario/1`, bonds have no
+    `reference_radius_m`. Source: format. Default: "roost.scenario/3"."""
     seed: int
     """Start value of all random numbers. With another seed, the random start positions and angles of the bodies are
     different. Source: numerics. Default: 1. Range: ≥ 0 and ≤ 9007199254740991."""
@@ -1142,9 +1170,10 @@ class SceneScenario(TypedDict, total=False):
     `compress`) or a single sphere."""
     scene: Scene
     """This section places bodies and surfaces."""
-    schema: Literal["roost.scenario/2"]
-    """Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds
-    have no `reference_radius_m`. Source: format. Default: "roost.scenario/2"."""
+    schema: Literal["roost.scenario/3"]
+    """Name and version of the document's format. Roost also reads the older formats `roost.scenario/1` and
+    `roost.scenario/2`. In both, the default of `/product/fill` is `centres`. In `roost.scenario/1`, bonds have no
+    `reference_radius_m`. Source: format. Default: "roost.scenario/3"."""
     seed: int
     """Start value of all random numbers. With another seed, the random start positions and angles of the bodies are
     different. Source: numerics. Default: 1. Range: ≥ 0 and ≤ 9007199254740991."""
@@ -1183,9 +1212,10 @@ class ScenarioChanges(TypedDict, total=False):
     `compress`) or a single sphere."""
     scene: Scene
     """This section places bodies and surfaces. Only in `scene`."""
-    schema: Literal["roost.scenario/2"]
-    """Name and version of the document's format. Roost also reads the older format `roost.scenario/1`, in which bonds
-    have no `reference_radius_m`. Source: format."""
+    schema: Literal["roost.scenario/3"]
+    """Name and version of the document's format. Roost also reads the older formats `roost.scenario/1` and
+    `roost.scenario/2`. In both, the default of `/product/fill` is `centres`. In `roost.scenario/1`, bonds have no
+    `reference_radius_m`. Source: format."""
     seed: int
     """Start value of all random numbers. With another seed, the random start positions and angles of the bodies are
     different. Source: numerics."""

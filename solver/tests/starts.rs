@@ -265,7 +265,7 @@ fn cost_estimate_matches_the_built_scene_and_its_plan() {
         assert_eq!((setup.plan().longest_fill_s, setup.plan().duration_s), (0.0, 2.0));
     }
     // A limit that is exceeded is reported at the field that exceeds it.
-    let few = Limits { max_subparticles: 100, max_steps: 100 };
+    let few = Limits { max_subparticles: 80, max_steps: 100 };
     let told = |scenario: &Scenario| -> Vec<String> {
         let faults = check(scenario, &Meshes::default(), &few).expect_err("refused");
         faults.into_iter().map(|fault| fault.pointer).collect()

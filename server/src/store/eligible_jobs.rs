@@ -193,13 +193,14 @@ macro_rules! eligible_jobs {
            OR ",
             can_continue!("first", "me"),
             "
-        LIMIT ?4)",
+        LIMIT CAST(?4 AS BIGINT))",
             $end
         )
     };
 }
 
-/// At most ?4 jobs of every queue that worker ?1 can run, by priority and owner. `heads` finds each queue by one step into the index
+/// At most ?4 jobs of every queue that worker ?1 can run, by priority and owner. The cast keeps SQLite from preparing the statement again
+/// for each value of a bare parameter in its last `LIMIT`. `heads` finds each queue by one step into the index
 /// `jobs_to_claim`, whatever the length of the queue, and each list walks that index from there to its limit; a test checks the query
 /// plan. A sweep that is not `ready`, and an owner whose project has used up its budget, are passed over in one step per queue. Rows come
 /// lazily: a reader that has enough reads no further queue. A job that the worker has failed is left to another suitable worker that was

@@ -22,13 +22,13 @@ use tokio_util::sync::CancellationToken;
 const MAX_COMMITS: usize = 1024;
 
 /// Answers the writes of a commit.
-pub(super) type Answer = Box<dyn FnOnce(Result<(), Arc<sqlx::Error>>) + Send>;
+pub(super) type Reply = Box<dyn FnOnce(Result<(), Arc<sqlx::Error>>) + Send>;
 
 /// A commit that is not yet flushed.
 struct Committed {
     /// The start of its last statement.
     started: Instant,
-    answer: Answer,
+    answer: Reply,
 }
 
 /// The thread that flushes. It ends with the first failed flush, because the system may have dropped what it could not write.
@@ -57,7 +57,7 @@ impl Flusher {
     }
 
     /// Answers after the next flush. Returns the answer if the thread has ended.
-    pub(super) fn submit(&self, started: Instant, answer: Answer) -> Result<(), Answer> {
+    pub(super) fn submit(&self, started: Instant, answer: Reply) -> Result<(), Reply> {
         self.queue.send(Committed { started, answer }).map_err(|returned| returned.0.answer)
     }
 

@@ -32,7 +32,7 @@ pub(super) use outages::{Outages, STALL};
 
 use super::StoreError;
 use super::database::{Connection, Engine, postgres};
-use super::flusher::{Answer, Flusher};
+use super::flusher::{Flusher, Reply};
 
 /// Jobs that one transaction of a large sweep changes. A claim or heartbeat waits for two such transactions at most: one that runs, and one
 /// beside the batch that the request missed.
@@ -332,7 +332,7 @@ async fn run(
             shared.outages.note();
         }
         let pieces = finished.len();
-        let answer: Answer = Box::new(move |committed| {
+        let answer: Reply = Box::new(move |committed| {
             for piece in finished {
                 (piece.reply)(committed.clone().map_err(StoreError::Commit));
             }

@@ -254,16 +254,16 @@ impl Script {
 pub(in crate::store) struct Scalar<T>(Query, PhantomData<fn() -> T>);
 
 /// A query of which the first column is read.
-pub(in crate::store) fn query_scalar<T: Columns>(text: impl SqlSafeStr) -> Scalar<T> {
+pub(in crate::store) fn query_scalar<T: FromRow>(text: impl SqlSafeStr) -> Scalar<T> {
     Scalar(query(text), PhantomData)
 }
 
 /// A query whose rows are tuples.
-pub(in crate::store) fn query_as<T: Columns>(text: impl SqlSafeStr) -> Scalar<T> {
+pub(in crate::store) fn query_as<T: FromRow>(text: impl SqlSafeStr) -> Scalar<T> {
     query_scalar(text)
 }
 
-impl<T: Columns> Scalar<T> {
+impl<T: FromRow> Scalar<T> {
     /// The value of the next parameter.
     pub(in crate::store) fn bind(self, value: impl Into<Value>) -> Self {
         Self(self.0.bind(value), PhantomData)
@@ -289,12 +289,12 @@ impl<T: Columns> Scalar<T> {
 }
 
 /// The first columns of a row.
-pub(in crate::store) trait Columns: Sized {
+pub(in crate::store) trait FromRow: Sized {
     /// Reads them.
     fn read(row: &Row) -> Result<Self, Error>;
 }
 
-impl<T: FromValue> Columns for T {
+impl<T: FromValue> FromRow for T {
     fn read(row: &Row) -> Result<Self, Error> {
         row.at(0)
     }
@@ -302,7 +302,7 @@ impl<T: FromValue> Columns for T {
 
 macro_rules! tuples {
     ($($($of:ident $place:literal),+;)*) => {
-        $(impl<$($of: FromValue),+> Columns for ($($of,)+) {
+        $(impl<$($of: FromValue),+> FromRow for ($($of,)+) {
             fn read(row: &Row) -> Result<Self, Error> {
                 Ok(($(row.at::<$of>($place)?,)+))
             }

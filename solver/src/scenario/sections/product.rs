@@ -53,12 +53,12 @@ impl Product {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Fill {
+    /// Those whose cubic cell lies most inside the surface, as many as have its volume.
+    Volume,
     /// Those whose centre lies inside the surface.
     Centres,
     /// Those whose whole sphere lies inside the surface.
     WholeSpheres,
-    /// Those whose cubic cell lies most inside the surface, as many as have its volume.
-    Volume,
 }
 
 const DENSITY: Range = from_to(10.0, 20_000.0);
