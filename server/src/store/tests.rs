@@ -13,6 +13,7 @@ use super::testing::{Place, on_both_engines};
 use super::*;
 use crate::clock::Now;
 
+mod bases;
 mod editions;
 mod observations;
 mod postgres;
