@@ -89,7 +89,7 @@ fn every_fault_of_a_calibration_has_its_pointer() {
         ("/goal/calibrate/prior", json!([]), "/goal/calibrate"),
         (
             "/goal/calibrate/measurements/tests/0/scenario/experiment",
-            json!("roll"),
+            json!("no_such_experiment"),
             "/goal/calibrate/measurements/tests/0/scenario/experiment",
         ),
         (
