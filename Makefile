@@ -151,6 +151,8 @@ book: $(MDBOOK)
 	mv target/book-src/docs/book.toml target/book-src/
 	sed -e 's|](|](docs/|' -e 's|](docs/../|](|' docs/SUMMARY.md > target/book-src/SUMMARY.md
 	rm target/book-src/docs/SUMMARY.md
+	# mdBook takes `{id}` at the end of a heading for attributes.
+	sed -i 's|^\(### .*\){\([a-z]*\)}$$|\1\&#123;\2\&#125;|' target/book-src/api.md
 	$(MDBOOK) build target/book-src 2>&1 | tee target/book.log
 	echo '<meta http-equiv="refresh" content="0; url=docs/start.html">' > target/book/index.html
 	! grep -E 'WARN|ERROR' target/book.log

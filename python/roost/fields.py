@@ -704,8 +704,9 @@ class HopperProduct(TypedDict, total=False):
     has a cell, a cube with the edge 2R. Roost selects the cells with the largest share inside the shape, until the
     cells together have the volume of the shape. `centres`: all points inside the shape, as in the paper.
     `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. With `centres` and
-    `whole_spheres`, the volume of the cells depends on R. Source: assumed; the paper has the points inside. Default:
-    "volume"."""
+    `whole_spheres`, the volume of the cells depends on R. With `volume`, the lattice has fewer points at most: 5e4 for
+    a mesh, and 1e6 for all shapes without a mesh. Source: assumed; the paper has the points inside. Default: "volume".
+    """
     mesh: MeshFile | MeshDigest | None
     """Closed mesh (triangles from an STL file) that gives all fillets their shape. Null: the fillets are teardrops with
     the sizes in `sizes_m`. Source: section 2.2. Default: null."""
@@ -750,8 +751,9 @@ class DropProduct(TypedDict, total=False):
     has a cell, a cube with the edge 2R. Roost selects the cells with the largest share inside the shape, until the
     cells together have the volume of the shape. `centres`: all points inside the shape, as in the paper.
     `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. With `centres` and
-    `whole_spheres`, the volume of the cells depends on R. Source: assumed; the paper has the points inside. Default:
-    "volume"."""
+    `whole_spheres`, the volume of the cells depends on R. With `volume`, the lattice has fewer points at most: 5e4 for
+    a mesh, and 1e6 for all shapes without a mesh. Source: assumed; the paper has the points inside. Default: "volume".
+    """
     mesh: MeshFile | MeshDigest | None
     """Closed mesh (triangles from an STL file) that gives all fillets their shape. Null: the fillets are teardrops with
     the sizes in `sizes_m`. Source: section 2.2. Default: null."""
@@ -787,8 +789,9 @@ class BendProduct(TypedDict, total=False):
     has a cell, a cube with the edge 2R. Roost selects the cells with the largest share inside the shape, until the
     cells together have the volume of the shape. `centres`: all points inside the shape, as in the paper.
     `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. With `centres` and
-    `whole_spheres`, the volume of the cells depends on R. Source: assumed; the paper has the points inside. Default:
-    "volume"."""
+    `whole_spheres`, the volume of the cells depends on R. With `volume`, the lattice has fewer points at most: 5e4 for
+    a mesh, and 1e6 for all shapes without a mesh. Source: assumed; the paper has the points inside. Default: "volume".
+    """
     mesh: MeshFile | MeshDigest | None
     """Closed mesh (triangles from an STL file) that gives all fillets their shape. Null: the fillets are teardrops with
     the sizes in `sizes_m`. Source: section 2.2. Default: null."""
@@ -824,8 +827,9 @@ class SlideProduct(TypedDict, total=False):
     has a cell, a cube with the edge 2R. Roost selects the cells with the largest share inside the shape, until the
     cells together have the volume of the shape. `centres`: all points inside the shape, as in the paper.
     `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. With `centres` and
-    `whole_spheres`, the volume of the cells depends on R. Source: assumed; the paper has the points inside. Default:
-    "volume"."""
+    `whole_spheres`, the volume of the cells depends on R. With `volume`, the lattice has fewer points at most: 5e4 for
+    a mesh, and 1e6 for all shapes without a mesh. Source: assumed; the paper has the points inside. Default: "volume".
+    """
     mesh: MeshFile | MeshDigest | None
     """Closed mesh (triangles from an STL file) that gives all fillets their shape. Null: the fillets are teardrops with
     the sizes in `sizes_m`. Source: section 2.2. Default: null."""
@@ -881,8 +885,9 @@ class SceneProduct(TypedDict, total=False):
     has a cell, a cube with the edge 2R. Roost selects the cells with the largest share inside the shape, until the
     cells together have the volume of the shape. `centres`: all points inside the shape, as in the paper.
     `whole_spheres`: only the points whose whole sphere of radius R is inside the shape. With `centres` and
-    `whole_spheres`, the volume of the cells depends on R. Source: assumed; the paper has the points inside. Default:
-    "volume"."""
+    `whole_spheres`, the volume of the cells depends on R. With `volume`, the lattice has fewer points at most: 5e4 for
+    a mesh, and 1e6 for all shapes without a mesh. Source: assumed; the paper has the points inside. Default: "volume".
+    """
     mesh: MeshFile | MeshDigest | None
     """Closed mesh (triangles from an STL file) that gives all fillets their shape. Null: the fillets are teardrops with
     the sizes in `sizes_m`. Source: section 2.2. Default: null."""

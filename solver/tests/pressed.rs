@@ -155,8 +155,9 @@ fn a_bed_of_fillets_is_stable_at_the_automatic_step() {
         );
         let step_us = 1e6 * scene.timestep_s;
         println!("{case}: {at_auto:.3} at {step_us:.0} µs, {beyond:.3} at 1.5 times the step");
-        // Below 1 the step is stable.
-        assert!((0.5..0.97).contains(&at_auto), "{at_auto}: {case}");
+        // Below 1 the step is stable. Four layers that carry twice their weight come nearest to it.
+        let most = if radius == 0.004 { 0.97 } else { 0.95 };
+        assert!((0.5..most).contains(&at_auto), "{at_auto}: {case}");
         // `auto` is not much shorter than needed. Where bonds are soft and have no contact the bed decides by chance.
         assert!(beyond > 0.9, "{beyond}: {case}");
     }

@@ -24,6 +24,8 @@ async function cloned() {
   if (!id) return null;
   const document = await read(`/v1/sweeps/${id}/spec`);
   setParameters({ clone: null });
+  // The form knows the defaults of the present schema only: a base that names its schema is written out in full.
+  if (document.base?.schema) document.base = (await post("/v1/validate", document)).scenario;
   return document;
 }
 

@@ -12,7 +12,7 @@ use crate::experiments::{Setup, definition, timestep_s, warnings_of_scenario};
 use crate::mesh::Meshes;
 use crate::physics::timestep::Stability;
 use crate::result::{Estimate, Warning};
-use crate::scenario::{Fault, MeshRef, Scenario};
+use crate::scenario::{Experiment, Fault, Fill, MeshRef, Scenario};
 use cost::Cost;
 
 /// The limits of an operator for a single scenario.
@@ -37,6 +37,8 @@ impl Default for Limits {
 
 /// Maximum count of cells for placing and filling: a few seconds of work.
 const MAX_LATTICE_CELLS: f64 = 1e7;
+/// The same for a fill by volume, which tests many points of each cell at the surface.
+const MAX_SAMPLED_CELLS: f64 = 1e6;
 
 /// A scenario that has passed the check, ready to run. Clones share its bodies and its scene.
 #[derive(Clone, Debug)]
@@ -150,16 +152,24 @@ fn size_faults(scenario: &Scenario) -> Vec<Fault> {
     let definition = definition(&scenario.experiment);
     let points = definition.lattice_points(product);
     let floor = definition.floor_cells(radius);
-    [(points, "lattice points of the fillets' boxes"), (floor, "places on the hopper's floor")]
-        .into_iter()
-        .filter(|(number, _)| *number > MAX_LATTICE_CELLS)
-        .map(|(number, what)| {
-            let detail = format!("makes about {number:.1e} {what}");
-            let allowed =
-                format!("a radius that makes at most {MAX_LATTICE_CELLS:.0e}, or smaller dimensions");
-            Fault::at("/product/subparticle_radius_m", radius, detail, allowed)
-        })
-        .collect()
+    // The block of a compression is no shape.
+    let samples = product.fill == Fill::Volume && !matches!(scenario.experiment, Experiment::Compress { .. });
+    let (most, or) = match samples {
+        true => (MAX_SAMPLED_CELLS, ", or /product/fill \"centres\""),
+        false => (MAX_LATTICE_CELLS, ""),
+    };
+    [
+        (points, "lattice points of the fillets' boxes", most, or),
+        (floor, "places on the hopper's floor", MAX_LATTICE_CELLS, ""),
+    ]
+    .into_iter()
+    .filter(|(number, _, most, _)| number > most)
+    .map(|(number, what, most, or)| {
+        let detail = format!("makes about {number:.1e} {what}");
+        let allowed = format!("a radius that makes at most {most:.0e}, or smaller dimensions{or}");
+        Fault::at("/product/subparticle_radius_m", radius, detail, allowed)
+    })
+    .collect()
 }
 
 /// Adhesion so strong against the stiffness that necks would reach past the nearest neighbours.

@@ -79,7 +79,7 @@ impl MetaParticle {
     /// Like [`MetaParticle::fill`]; also returns the number of inner points discarded because they are not
     /// connected to the rest.
     pub fn fill_counting_discarded(shape: &impl Shape, radius: f64, fill: Fill, reach: u32) -> (Self, usize) {
-        let spacing = 2.0 * radius;
+        let (spacing, volume_m3) = (2.0 * radius, shape.volume_m3());
         let counts = shape.layers(spacing) + 2;
         let centre = |cell: IVec3| (cell.as_dvec3() + 0.5 - counts.as_dvec3() / 2.0) * spacing;
         let rows = (0..counts.z).flat_map(|z| (0..counts.y).map(move |y| (y, z)));
@@ -90,9 +90,11 @@ impl MetaParticle {
             Fill::Volume => {
                 let is_inside = all.clone().map(|cell| shape.contains(centre(cell))).collect();
                 let inside = Inside { counts, is_inside };
-                let covered =
-                    all.map(|cell| (cell, covered_samples(shape, &inside, cell, centre(cell), spacing)));
-                most_covered(&covered.collect::<Vec<_>>(), shape.volume_m3() / spacing.powi(3))
+                let covered: Vec<u8> = all
+                    .clone()
+                    .map(|cell| covered_samples(shape, &inside, cell, centre(cell), spacing))
+                    .collect();
+                most_covered(all, &covered, volume_m3 / spacing.powi(3))
             }
         };
         let inside = cells.len();
@@ -103,7 +105,7 @@ impl MetaParticle {
         let meta = Self {
             bonds: bonds(&cells, reach),
             bounding_radius_m: points.iter().map(|point| point.length()).fold(0.0, f64::max),
-            volume_m3: shape.volume_m3(),
+            volume_m3,
             points,
         };
         (meta, inside - cells.len())
@@ -112,7 +114,7 @@ impl MetaParticle {
 
 /// Samples along an edge of a cell.
 const SAMPLES: i32 = 6;
-/// Samples of a cell.
+/// Samples of a cell; a byte holds their number.
 const ALL_SAMPLES: usize = SAMPLES.pow(3) as usize;
 
 /// Whether the centre of each cell lies in the shape.
@@ -132,11 +134,11 @@ impl Inside {
 
 /// The number of evenly spaced samples of a cell that lie in a shape. Only a cell at the surface is sampled: one that has neighbours of both
 /// kinds.
-fn covered_samples(shape: &impl Shape, inside: &Inside, cell: IVec3, centre: DVec3, edge_m: f64) -> usize {
+fn covered_samples(shape: &impl Shape, inside: &Inside, cell: IVec3, centre: DVec3, edge_m: f64) -> u8 {
     let is_inside = inside.contains(cell);
     let mut neighbours = neighbour_steps().flat_map(|step| [cell + step, cell - step]);
     if neighbours.all(|neighbour| inside.contains(neighbour) == is_inside) {
-        return if is_inside { ALL_SAMPLES } else { 0 };
+        return if is_inside { ALL_SAMPLES as u8 } else { 0 };
     }
     // Odd steps from the centre: the samples of mirrored cells are exact mirror images.
     let step = |k: i32| f64::from(2 * k + 1 - SAMPLES);
@@ -144,20 +146,20 @@ fn covered_samples(shape: &impl Shape, inside: &Inside, cell: IVec3, centre: DVe
         let steps = DVec3::new(step(k % SAMPLES), step(k / SAMPLES % SAMPLES), step(k / SAMPLES.pow(2)));
         centre + steps * (edge_m / f64::from(2 * SAMPLES))
     });
-    samples.filter(|&sample| shape.contains(sample)).count()
+    samples.filter(|&sample| shape.contains(sample)).count() as u8
 }
 
-/// The cells with the most covered samples, in their order. Their number is the one nearest to the volume of the shape, in cells. Cells
+/// The cells with the most covered samples, in their order; `covered` has their numbers. Their number is the one nearest to the volume of the shape, in cells. Cells
 /// with equally many samples are taken or left together, so that a symmetric shape has a symmetric fill.
-fn most_covered(cells: &[(IVec3, usize)], volume: f64) -> Vec<IVec3> {
+fn most_covered(cells: impl Iterator<Item = IVec3>, covered: &[u8], volume: f64) -> Vec<IVec3> {
     let mut with = [0_usize; ALL_SAMPLES + 1];
-    cells.iter().for_each(|(_, covered)| with[*covered] += 1);
-    let covered: usize = cells.iter().map(|(_, covered)| covered).sum();
+    covered.iter().for_each(|samples| with[usize::from(*samples)] += 1);
+    let all: usize = covered.iter().map(|samples| usize::from(*samples)).sum();
     // The volume of a mesh counts twice what two of its bodies share; the samples count it once.
-    let wanted = volume.min(covered as f64 / ALL_SAMPLES as f64);
+    let wanted = volume.min(all as f64 / ALL_SAMPLES as f64);
     let error = |least: usize| (with[least..].iter().sum::<usize>() as f64 - wanted).abs();
     let least = (1..=ALL_SAMPLES).min_by(|&a, &b| error(a).total_cmp(&error(b))).unwrap_or(ALL_SAMPLES);
-    cells.iter().filter(|(_, covered)| *covered >= least).map(|(cell, _)| *cell).collect()
+    cells.zip(covered).filter(|(_, samples)| usize::from(**samples) >= least).map(|(cell, _)| cell).collect()
 }
 
 /// Half of the 26 neighbours of a cell: those that come later in z, y, x order.
@@ -271,12 +273,9 @@ mod tests {
 
     #[test]
     fn equally_covered_cells_are_taken_together() {
-        let taken = |covered: &[usize]| {
-            let cells = covered.iter().enumerate().map(|(x, &covered)| (IVec3::X * x as i32, covered));
-            most_covered(&cells.collect::<Vec<_>>(), f64::INFINITY)
-                .iter()
-                .map(|cell| cell.x)
-                .collect::<Vec<_>>()
+        let taken = |covered: &[u8]| {
+            let cells = (0..covered.len()).map(|x| IVec3::X * x as i32);
+            most_covered(cells, covered, f64::INFINITY).iter().map(|cell| cell.x).collect::<Vec<_>>()
         };
         // In cells: 1 + 2/2 + 1/8 = 2.1, nearer to three cells than to one.
         assert_eq!(taken(&[108, 216, 27, 108]), [0, 1, 3]);

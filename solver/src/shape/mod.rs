@@ -73,15 +73,13 @@ pub enum ShapeError {
     },
     /// The lattice has too many points to fill in reasonable time.
     #[error(
-        "sub-particles of radius {radius_m} m make {cells:.1e} lattice points in the shape's box, at most {most:.0e} are taken"
+        "sub-particles of radius {radius_m} m make {cells:.1e} lattice points in the shape's box, at most {MAX_LATTICE_CELLS:.0e} are taken"
     )]
     TooFine {
         /// Radius of the sub-particles, in metres.
         radius_m: f64,
         /// Lattice points in the box.
         cells: f64,
-        /// The maximum.
-        most: f64,
     },
     /// The lattice has too many cells to find their volumes in reasonable time.
     #[error(
@@ -205,7 +203,7 @@ fn filled(shape: &impl Shape, radius_m: f64, fill: Fill, reach: u32) -> Result<M
     // The fill covers one layer more on either side.
     let cells = (shape.layers(2.0 * radius_m).as_dvec3() + 2.0).element_product();
     if cells > MAX_LATTICE_CELLS {
-        return Err(ShapeError::TooFine { radius_m, cells, most: MAX_LATTICE_CELLS });
+        return Err(ShapeError::TooFine { radius_m, cells });
     }
     if fill == Fill::Volume && cells > MAX_SAMPLED_CELLS {
         return Err(ShapeError::TooFineForVolume { radius_m, cells });
@@ -229,7 +227,7 @@ fn cached_fill<E>(
     let filled = Arc::new(fill()?);
     let mut fills = lock();
     let fills = fills.get_or_insert_default();
-    // A sweep over the radius could grow the cache without bound. A refill costs milliseconds.
+    // A sweep over the radius could grow the cache without bound. A refill costs tens of milliseconds.
     if fills.values().map(|meta| meta.points.len()).sum::<usize>() > MAX_CACHED_POINTS {
         fills.clear();
     }

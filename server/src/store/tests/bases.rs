@@ -13,6 +13,7 @@ async fn bases_without_a_schema_keep_that_of_their_time(place: Place) {
     let unstated = json!({"experiment": "hopper", "seed": 9_007_199_254_740_991_i64});
     let sweeps = [
         ("a", json!({"name": "a", "base": unstated})),
+        ("d", json!({"name": "a\u{0}b", "base": unstated})),
         ("b", json!({"name": "b", "base": {"schema": "roost.scenario/1", "experiment": "hopper"}})),
         ("c", json!({"name": "c", "base": null})),
     ];
@@ -52,8 +53,9 @@ async fn bases_without_a_schema_keep_that_of_their_time(place: Place) {
         document
     };
     assert_eq!(after("sweeps", "id", "a").await, with_schema(sweeps[0].1.clone(), "/base"));
-    assert_eq!(after("sweeps", "id", "b").await, sweeps[1].1);
-    assert_eq!(after("sweeps", "id", "c").await, sweeps[2].1);
+    assert_eq!(after("sweeps", "id", "d").await["base"]["schema"], "roost.scenario/2");
+    assert_eq!(after("sweeps", "id", "b").await, sweeps[2].1);
+    assert_eq!(after("sweeps", "id", "c").await, sweeps[3].1);
     assert_eq!(after("studies", "sweep_id", "a").await, with_schema(studies[0].1.clone(), "/base"));
     let calibration = with_schema(studies[1].1.clone(), "/base");
     let first = "/goal/calibrate/measurements/tests/0/scenario";

@@ -99,7 +99,8 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "Rule that selects the points of the lattice (cubic grid) at which a body has sub-particles. `volume`: each point has a cell, a cube \
          with the edge 2R. Roost selects the cells with the largest share inside the shape, until the cells together have the volume of \
          the shape. `centres`: all points inside the shape, as in the paper. `whole_spheres`: only the points whose whole sphere of \
-         radius R is inside the shape. With `centres` and `whole_spheres`, the volume of the cells depends on R.")
+         radius R is inside the shape. With `centres` and `whole_spheres`, the volume of the cells depends on R. With \
+         `volume`, the lattice has fewer points at most: 5e4 for a mesh, and 1e6 for all shapes without a mesh.")
         .by_name(),
     nullable("/product/subparticle_density_kg_m3", "kg/m³", DENSITY, "Table 2 has 2200",
         "Density of a sub-particle. Set this field or `density_kg_m3`, but not both. The paper states a value for each of the two \
