@@ -51,8 +51,14 @@ fn too_fine_lattice_is_refused_within_a_second() {
     let sizes = json!([[2.0, 2.0, 2.0]]);
     let fine = ("/product/subparticle_radius_m", json!(5e-4));
     assert_eq!(refused(&[("/product/sizes_m", sizes), fine.clone()]), ["/product/subparticle_radius_m"]);
-    let wide =
-        [("/equipment/hopper_width_m", json!(10.0)), ("/equipment/hopper_length_m", json!(10.0)), fine];
+    // A fill by volume takes a tenth of these points: the default fillets have 2.4e6.
+    assert_eq!(refused(std::slice::from_ref(&fine)), ["/product/subparticle_radius_m"]);
+    let wide = [
+        ("/equipment/hopper_width_m", json!(10.0)),
+        ("/equipment/hopper_length_m", json!(10.0)),
+        ("/product/fill", json!("centres")),
+        fine,
+    ];
     assert_eq!(refused(&wide), ["/product/subparticle_radius_m"]);
     assert!(start.elapsed() < Duration::from_secs(1), "{:?}", start.elapsed());
 }

@@ -118,8 +118,18 @@ fn study_runs_from_its_question_to_its_answer() {
         "(([one]) => one.name === 'as narrow as asked' && one.x.length === 2)(find.plot('Estimate: probability of jammed') ?? [{}])",
     );
     assert!(page.value::<bool>("window.seen"), "the page was loaded again");
+    // A run in flight may still end, and change the answer.
+    let done = wait_until("no run is in flight", || {
+        let runs = show()["runs"].clone();
+        (runs["pending"] == 0).then(|| runs["done"].clone())
+    });
     let answer = sandbox.get(&format!("/v1/studies/{id}/answer"));
     let points = &answer["answer"]["finding"]["estimate"]["points"];
+    let values: Vec<_> = column(points, "/measures/0/estimated/value").iter().map(f64::to_string).collect();
+    page.until(
+        "the newest answer is drawn",
+        &format!("[...find.plot('Estimate: probability of jammed')[0].y].join() === '{}'", values.join(",")),
+    );
     let drawn = trace(&mut page, "Estimate: probability of jammed", "as narrow as asked");
     assert_eq!(numbers(&drawn["x"]), [0.02, 0.12]);
     assert_intervals(&drawn, points, "/measures/0/estimated");
@@ -128,11 +138,6 @@ fn study_runs_from_its_question_to_its_answer() {
         page.value("[...document.querySelectorAll('#answer li')].map((one) => one.textContent)");
     let stated = answer["study"]["answer"].as_array().unwrap();
     assert_eq!(sentences, stated.iter().map(|line| text(line).replace('`', "")).collect::<Vec<_>>());
-    // A run in flight may still end.
-    let done = wait_until("no run is in flight", || {
-        let runs = show()["runs"].clone();
-        (runs["pending"] == 0).then(|| runs["done"].clone())
-    });
     for count in [format!("{done} done"), "budget of 20 runs".to_owned()] {
         page.until(&count, &format!("document.querySelector('#runs').innerText.includes('{count}')"));
     }
