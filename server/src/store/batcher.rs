@@ -1,15 +1,17 @@
 //! Batching of requests of one kind: requests that arrive while one batch is written form the next batch.
 //!
-//! Each call into SQLite's thread costs as much as a small statement. A batch is therefore one task of the writer, with a fixed number
-//! of statements whatever its size. When a batch fails, each request is tried alone, so that a faulty request harms no other.
+//! Each call into SQLite's thread, and each round trip to PostgreSQL, costs as much as a small statement. A batch is therefore one task
+//! of the writer, with a fixed number of statements whatever its size. A batch that waits for the writer stays open: requests join it
+//! until its first statement. When a batch fails, each request is tried alone, so that a faulty request harms no other.
 
 use std::collections::HashMap;
 use std::hash::Hash;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use tokio::sync::{Semaphore, mpsc, oneshot};
 use tokio::time::Instant;
+use tokio_util::sync::CancellationToken;
 
 use super::StoreError;
 use super::database::Connection;
@@ -30,7 +32,7 @@ const BATCHES_AT_ONCE: usize = 2;
 pub(super) struct Batcher<A, B>(mpsc::Sender<Pending<A, B>>);
 
 impl<A: Send + Sync + 'static, B: Send + 'static> Batcher<A, B> {
-    /// Executes batches of up to `max_size` requests, at most one per `interval`. A batch starts while the one before it is flushed.
+    /// Executes batches of up to `max_size` requests, at most one per `interval`. A batch starts while those before it are flushed.
     pub(super) fn start(
         writer: Arc<Writer>,
         max_size: usize,
@@ -42,7 +44,10 @@ impl<A: Send + Sync + 'static, B: Send + 'static> Batcher<A, B> {
             let turns = Arc::new(Semaphore::new(BATCHES_AT_ONCE));
             let (mut batch, mut last_size) = (Vec::new(), 0);
             let mut earliest = Instant::now();
-            while pending.recv_many(&mut batch, max_size).await > 0 {
+            while let Ok(turn) = turns.clone().acquire_owned().await {
+                if batch.is_empty() && pending.recv_many(&mut batch, max_size).await == 0 {
+                    break;
+                }
                 if batch.len() < max_size && !interval.is_zero() {
                     tokio::time::sleep_until(earliest).await;
                 }
@@ -56,19 +61,17 @@ impl<A: Send + Sync + 'static, B: Send + 'static> Batcher<A, B> {
                         () = &mut linger => break,
                     }
                 }
-                while batch.len() < max_size
-                    && let Ok(next) = pending.try_recv()
-                {
-                    batch.push(next);
-                }
-                earliest = Instant::now() + interval;
-                last_size = batch.len();
-                let Ok(turn) = turns.clone().acquire_owned().await else { break };
-                let (writer, batch) = (writer.clone(), std::mem::take(&mut batch));
+                let size = batch.len();
+                let open = Arc::new(OpenBatch::new(std::mem::take(&mut batch)));
+                let (writer, submitted) = (writer.clone(), open.clone());
                 tokio::spawn(async move {
-                    run(&writer, execute, batch).await;
+                    run(&writer, execute, submitted).await;
                     drop(turn);
                 });
+                let late;
+                (last_size, late) = open.fill(size, max_size, &mut pending).await;
+                batch.extend(late);
+                earliest = Instant::now() + interval;
             }
         });
         Self(sender)
@@ -82,18 +85,71 @@ impl<A: Send + Sync + 'static, B: Send + 'static> Batcher<A, B> {
     }
 }
 
+/// A batch that requests join until the writer begins it.
+struct OpenBatch<A, B> {
+    batch: Mutex<Vec<Pending<A, B>>>,
+    closed: CancellationToken,
+}
+
+impl<A, B> OpenBatch<A, B> {
+    fn new(batch: Vec<Pending<A, B>>) -> Self {
+        Self { batch: Mutex::new(batch), closed: CancellationToken::new() }
+    }
+
+    fn batch(&self) -> MutexGuard<'_, Vec<Pending<A, B>>> {
+        self.batch.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Adds requests to a batch of `size` requests until it is closed. Returns its size, and the request that came too late, if one did.
+    async fn fill(
+        &self,
+        mut size: usize,
+        max_size: usize,
+        pending: &mut mpsc::Receiver<Pending<A, B>>,
+    ) -> (usize, Option<Pending<A, B>>) {
+        loop {
+            let next = tokio::select! {
+                biased;
+                () = self.closed.cancelled() => return (size, None),
+                Some(next) = pending.recv(), if size < max_size => next,
+            };
+            let mut batch = self.batch();
+            if self.closed.is_cancelled() {
+                return (size, Some(next));
+            }
+            batch.push(next);
+            size += 1;
+        }
+    }
+
+    /// Closes the batch, and returns its requests.
+    fn close(&self) -> Vec<Arc<A>> {
+        let batch = self.batch();
+        self.closed.cancel();
+        batch.iter().map(|(request, _)| request.clone()).collect()
+    }
+}
+
 /// Executes a batch, and sends the answers.
-async fn run<A, B>(writer: &Writer, execute: Execute<A, B>, batch: Vec<Pending<A, B>>)
+async fn run<A, B>(writer: &Writer, execute: Execute<A, B>, open: Arc<OpenBatch<A, B>>)
 where
     A: Send + Sync + 'static,
     B: Send + 'static,
 {
+    let begun = open.clone();
+    let written = writer.write(move |tx| {
+        let requests = begun.close();
+        Box::pin(async move { execute(tx, &requests).await })
+    });
+    let written = written.await;
+    // The writer may have refused it before its begin.
+    open.close();
     let write = async |requests: Vec<Arc<A>>| {
         writer.write(move |tx| Box::pin(async move { execute(tx, &requests).await })).await
     };
-    let (requests, senders): (Vec<_>, Vec<_>) = batch.into_iter().unzip();
+    let (requests, senders): (Vec<_>, Vec<_>) = std::mem::take(&mut *open.batch()).into_iter().unzip();
     // A client may have stopped waiting for its answer.
-    match write(requests.clone()).await {
+    match written {
         Ok(answers) => {
             senders.into_iter().zip(answers).for_each(|(sender, answer)| drop(sender.send(Ok(answer))))
         }
@@ -176,6 +232,48 @@ mod tests {
         let tried = std::mem::take(&mut *TRIED.lock().unwrap());
         assert_eq!(tried[0], (10..16).collect::<Vec<_>>());
         assert_eq!(tried[1..], (10..16).map(|request| vec![request]).collect::<Vec<_>>());
+        store.close().await;
+    }
+
+    /// The sizes of the batches that were executed.
+    static SIZES: Mutex<Vec<usize>> = Mutex::new(Vec::new());
+
+    fn sizes<'t>(_: &'t mut Connection, batch: &'t [Arc<u32>]) -> Work<'t, Vec<()>> {
+        Box::pin(async move {
+            SIZES.lock().unwrap().push(batch.len());
+            Ok(batch.iter().map(|_| ()).collect())
+        })
+    }
+
+    #[tokio::test]
+    async fn a_batch_takes_requests_until_the_writer_begins_it() {
+        let place = Place::sqlite();
+        let store = place.open().await;
+        let batcher = Batcher::start(store.writer.clone(), 4, Duration::ZERO, sizes);
+        let (begin, has_begun) = oneshot::channel();
+        let (release, is_released) = oneshot::channel();
+        let other = store.writer.write(move |_| {
+            Box::pin(async move {
+                begin.send(()).unwrap();
+                is_released.await.unwrap();
+                Ok(())
+            })
+        });
+        let requests = async {
+            has_begun.await.unwrap();
+            let submit = async |number: u32| {
+                tokio::time::sleep(Duration::from_millis(10 * u64::from(number))).await;
+                batcher.submit(number).await.unwrap();
+            };
+            let submitted = async {
+                tokio::time::sleep(Duration::from_millis(200)).await;
+                release.send(()).unwrap();
+            };
+            tokio::join!(join_all((0..6).map(submit)), submitted);
+        };
+        let (other, ()) = tokio::join!(other, requests);
+        other.unwrap();
+        assert_eq!(*SIZES.lock().unwrap(), [4, 2], "one full batch, and the rest");
         store.close().await;
     }
 

@@ -129,13 +129,14 @@ pub(super) const REPEAT: &str = concat!(
 );
 
 /// Records that workers were seen. Returns the device and load of each, whether it has failed jobs, and whether its request is a
-/// repeat.
+/// repeat. It is found by its id alone, which has few attempts. The offset keeps PostgreSQL from collecting the attempts of all workers
+/// instead of looking for one.
 pub(super) const ARRIVE: &str = "
     UPDATE workers SET last_seen_at = CAST(request.value ->> 'at' AS BIGINT)
     FROM json_each(?) AS request WHERE workers.id = request.value ->> 'worker';
     SELECT CAST(request.key AS BIGINT) AS place, me.solver_revision, me.backend, me.device, me.memory_mib, me.draining, me.slots,
-        EXISTS (SELECT 1 FROM attempts WHERE request_id = request.value ->> 'request' AND worker_id = me.id) AS repeated,
-        EXISTS (SELECT 1 FROM attempts WHERE worker_id = me.id AND outcome = 'worker') AS has_failed,
+        me.id IN (SELECT worker_id FROM attempts WHERE request_id = request.value ->> 'request') AS repeated,
+        EXISTS (SELECT 1 FROM attempts WHERE worker_id = me.id AND outcome = 'worker' LIMIT 1 OFFSET 0) AS has_failed,
         (SELECT count(*) FROM jobs WHERE worker_id = me.id AND state = 'running') AS jobs,
         (SELECT coalesce(max(alone), 0) FROM jobs WHERE worker_id = me.id AND state = 'running') AS alone
     FROM json_each(?) AS request CROSS JOIN workers me ON me.id = request.value ->> 'worker'";

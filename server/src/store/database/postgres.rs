@@ -25,6 +25,12 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// Limits of a statement and of a wait for a lock, which PostgreSQL keeps.
 const WRITER_LIMITS: [(&str, &str); 2] = [("statement_timeout", "60s"), ("lock_timeout", "10s")];
 
+/// The writer finds its rows through indexes, whatever the statistics say. A new database has none: a plan made then would read whole
+/// tables that grow later.
+const WRITER_PLANS: &str =
+    "SELECT set_config('enable_seqscan', 'off', false), set_config('enable_hashjoin', 'off', false),
+        set_config('enable_mergejoin', 'off', false), set_config('jit', 'off', false)";
+
 /// PostgreSQL ends the session of a server that it cannot reach, after a minute.
 const KEEPALIVES: [(&str, &str); 4] = [
     ("tcp_keepalives_idle", "30"),
@@ -152,6 +158,7 @@ impl Address {
         // An acknowledged write is on disk, whatever the setting of the database.
         let durable = "SELECT set_config('synchronous_commit', 'on', false) WHERE current_setting('synchronous_commit') = 'off'";
         sqlx::query(durable).execute(&mut *connection).await?;
+        sqlx::query(WRITER_PLANS).execute(&mut *connection).await?;
         for attempt in 0.. {
             // Remembered before it asks: the answer may get lost.
             sessions.push(session);
