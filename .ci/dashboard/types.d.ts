@@ -18,6 +18,7 @@ declare global {
   type ProjectView = Schemas["ProjectView"];
   type ResponseEffects = Schemas["ResponseEffects"];
   type SeriesPart = Schemas["SeriesPart"];
+  type SeriesRow = Schemas["SeriesRow"];
   type StateCounts = Schemas["StateCounts"];
   type StudyAnswer = Schemas["StudyAnswer"];
   type StudyView = Schemas["StudyView"];

@@ -34,6 +34,8 @@ pub struct SeriesRow {
     pub experiments: Vec<String>,
     /// Whether pictures of a result show it.
     pub headline: bool,
+    /// Whether the last value holds after the end of the simulation.
+    pub constant_after_end: bool,
 }
 
 /// A quantity over something other than time.
@@ -53,6 +55,8 @@ pub struct CurveRow {
     pub experiments: Vec<String>,
     /// Whether pictures of a result show it.
     pub headline: bool,
+    /// Whether each point is of one body, with no value between two points.
+    pub per_body: bool,
 }
 
 /// The results of all experiments. One row serves all experiments that show a result alike; a row is unique by name and
@@ -85,6 +89,7 @@ impl OutputTable {
             meaning: shared.row.doc.to_owned(),
             experiments: words(&shared.experiments),
             headline: shared.row.headline,
+            constant_after_end: shared.row.constant_after_end,
         });
         let curve = all_curves().into_iter().map(|shared| CurveRow {
             name: shared.row.name.to_owned(),
@@ -94,6 +99,7 @@ impl OutputTable {
             meaning: shared.row.doc.to_owned(),
             experiments: words(&shared.experiments),
             headline: shared.row.headline,
+            per_body: shared.row.per_body,
         });
         Self { responses: response.collect(), series: series.collect(), curves: curve.collect() }
     }

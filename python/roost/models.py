@@ -273,6 +273,8 @@ class CurveRow(TypedDict):
     """Quantity along the curve."""
     over_unit: str
     """Unit of that quantity, `1` without one."""
+    per_body: bool
+    """Whether each point is of one body, with no value between two points."""
     unit: str
     """Unit, `1` without one."""
 
@@ -1232,6 +1234,8 @@ SeriesPart = TypedDict(
 class SeriesRow(TypedDict):
     """A quantity sampled over belt time."""
 
+    constant_after_end: bool
+    """Whether the last value holds after the end of the simulation."""
     experiments: list[str]
     """Experiments that return it."""
     headline: bool

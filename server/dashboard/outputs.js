@@ -36,11 +36,17 @@ export const responseRow = ({ responses }, name) => responses.find((row) => row.
 export const headlineOf = ({ responses }) => responses.filter((row) => row.headline);
 
 /**
- * Names of the series: the headline first, and among these the series that few experiments have. A scenario names the series of its surfaces
+ * The series: the headline first, and among these the series that few experiments have. A scenario names the series of its surfaces
  * itself, so these are left out.
  * @param {OutputTable} outputs
  */
-export function seriesNames({ series }) {
+export function seriesRows({ series }) {
   const sorted = [...series].sort((a, b) => Number(b.headline) - Number(a.headline) || a.experiments.length - b.experiments.length);
-  return sorted.map((row) => row.name).filter((name) => !name.includes("<"));
+  return sorted.filter((row) => !row.name.includes("<"));
 }
+
+/**
+ * Whether each point of a series or curve is of one body.
+ * @param {OutputTable} outputs @param {Series | Curve} data
+ */
+export const isPerBody = ({ curves }, data) => "over" in data && curves.some((row) => row.per_body && row.name === data.name && row.over === data.over);

@@ -24,7 +24,8 @@ fn a_mean_needs_a_value_of_every_trial() {
         {"t_s": [0.0], "values": [100.0], "partial": true}]});
     let mut band = |name: &str| -> (Vec<f64>, Vec<f64>, Vec<String>) {
         let plot = format!(
-            "import('/dashboard/plots/curves.js').then(({{ bandPlot }}) => bandPlot([{group}], '{name}', 'kg'))
+            "Promise.all([import('/dashboard/plots/curves.js'), import('/dashboard/outputs.js').then(({{ readOutputs }}) => readOutputs())])
+                .then(([{{ bandPlot }}, {{ series }}]) => bandPlot([{group}], series.find((row) => row.name === '{name}'), 'kg'))
                 .then(({{ traces, table }}) => [traces[2].x, traces[2].y, [...table().tBodies[0].rows[0].cells].map((cell) => cell.textContent)])"
         );
         let [x, y, row]: [Value; 3] = page.value(&plot);
@@ -154,8 +155,8 @@ fn a_share_has_the_interval_of_the_server_even_without_a_trial() {
 fn own_series_of_an_experiment_come_first() {
     let (_home, _server, mut page) = opened();
     let first: Vec<String> = page.value(
-        "import('/dashboard/outputs.js').then(({ readOutputsOf, seriesNames }) =>
-            Promise.all(['hopper', 'bend', 'slide'].map(async (name) => seriesNames(await readOutputsOf(name))[0])))",
+        "import('/dashboard/outputs.js').then(({ readOutputsOf, seriesRows }) =>
+            Promise.all(['hopper', 'bend', 'slide'].map(async (name) => seriesRows(await readOutputsOf(name))[0].name)))",
     );
     assert_eq!(first, ["discharged_mass", "bend_angle", "sliding_speed"]);
 }

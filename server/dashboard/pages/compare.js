@@ -5,7 +5,7 @@ import { mapConcurrently, read, readIfThere } from "../api.js";
 import { fill, h } from "../dom.js";
 import { factorLabel, number, shortId, labelOf } from "../format.js";
 import { level } from "../measures.js";
-import { readOutputs } from "../outputs.js";
+import { isPerBody, readOutputs } from "../outputs.js";
 import { MAX_COMPARED, errorBox, parameter, responseLabel, state, table } from "../parts.js";
 import { curveKey, curvesOf, linePlot } from "../plots/curves.js";
 import { panel } from "../plots/plot.js";
@@ -84,7 +84,7 @@ function draw(place, all, outputs) {
       return data ? [{ name: one.name, path: `/jobs/${one.job.id}`, data }] : [];
     });
     const plot = panel(labelOf(lines[0].data.name, lines[0].data.unit));
-    plot.draw(() => linePlot(lines));
+    plot.draw(() => linePlot(lines, isPerBody(outputs, lines[0].data)));
     return plot.card;
   });
   fill(place,

@@ -5,7 +5,7 @@ import { follow, now, post, read, readIfThere, runLatest } from "../api.js";
 import { fill, fillIfChanged, h } from "../dom.js";
 import { duration, factorLabel, dateTime, number, shortId, labelOf } from "../format.js";
 import { level } from "../measures.js";
-import { readOutputs } from "../outputs.js";
+import { isPerBody, readOutputs } from "../outputs.js";
 import { action, bar as progressBar, errorBox, facts, isEnded, requested, responseLabel, state, table } from "../parts.js";
 import { player } from "../playback/player.js";
 import { curveKey, curvesOf, linePlot } from "../plots/curves.js";
@@ -46,12 +46,12 @@ export async function show(main, id) {
 
   /** @type {Map<string, ReturnType<typeof panel>>} */
   const panels = new Map();
-  /** @param {Series | Curve} data */
-  function drawCurve(data) {
+  /** @param {Series | Curve} data @param {boolean} is_per_body */
+  function drawCurve(data, is_per_body) {
     const plot = panels.get(curveKey(data)) ?? panel(labelOf(data.name, data.unit));
     if (!panels.has(curveKey(data))) plots.append(plot.card);
     panels.set(curveKey(data), plot);
-    plot.draw(() => linePlot([{ name: data.name, data }]));
+    plot.draw(() => linePlot([{ name: data.name, data }], is_per_body));
   }
 
   /**
@@ -70,7 +70,7 @@ export async function show(main, id) {
     const all = [...sampled.values()];
     // While t = 0 is unknown, times end at 0.
     const zero_s = t0_s ?? Math.max(...all.map(({ t_s }) => t_s.at(-1) ?? 0));
-    for (const { name, unit, t_s, values } of all) drawCurve({ name, unit, t_s: t_s.map((simulated_s) => simulated_s - zero_s), values });
+    for (const { name, unit, t_s, values } of all) drawCurve({ name, unit, t_s: t_s.map((simulated_s) => simulated_s - zero_s), values }, false);
   }
 
   const failed = (/** @type {Error | null} */ error) => fill(errors, error ? errorBox(error) : []);
@@ -89,7 +89,7 @@ export async function show(main, id) {
     /** @type {[RunResult | null, OutputTable]} */
     const [result, outputs] = await Promise.all([readIfThere(`${at}/result`), readOutputs()]);
     if (!result || key !== resultKey()) return;
-    for (const data of curvesOf(result)) drawCurve(data);
+    for (const data of curvesOf(result)) drawCurve(data, isPerBody(outputs, data));
     fill(rest, warnings(result), responses(result, outputs), computation(result), scenario(result, job));
   }, failed);
 

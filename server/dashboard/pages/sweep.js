@@ -5,7 +5,7 @@ import { follow, isTemporary, joinViews, mapConcurrently, read } from "../api.js
 import { fill, h } from "../dom.js";
 import { factorLabel } from "../format.js";
 import { measures, preferred } from "../measures.js";
-import { headlineOf, readOutputsOf, seriesNames } from "../outputs.js";
+import { headlineOf, readOutputsOf, seriesRows } from "../outputs.js";
 import { choice, errorBox, jobsPath, parameter, setParameters, total } from "../parts.js";
 import { effectsPlot } from "../plots/effects.js";
 import { formOf, responsesOf } from "../plots/forms/forms.js";
@@ -35,7 +35,7 @@ export async function show(main, id) {
   /** @type {[SweepView, SweepSpec]} */
   let [sweep, { base }] = await Promise.all([read(at), read(`${at}/spec`)]);
   const experiment = String(base.experiment), form = formOf(experiment), outputs = await readOutputsOf(experiment);
-  const headline = headlineOf(outputs).map((row) => row.name), plotted = headlineOf(outputs).find((row) => row.type === "number")?.name, series_names = seriesNames(outputs);
+  const headline = headlineOf(outputs).map((row) => row.name), plotted = headlineOf(outputs).find((row) => row.type === "number")?.name, series_rows = seriesRows(outputs);
   /** @type {Pick<SweepData, "points" | "trials" | "effects" | "curves"> & { pairing?: PairingGain }} */
   const results = { points: [], trials: [], effects: [], curves: [] };
   const views = joinViews(update, (view) => {
@@ -94,7 +94,7 @@ export async function show(main, id) {
     const options = all.map((one) => /** @type {Option} */ ([one.name, one.label])), pointers = factors.map((pointer) => /** @type {[string, string]} */ ([pointer, factorLabel(pointer, factors)]));
     if (!measure) {
       fill(controls, h("p", { class: "dim" }, "No results yet. Plots appear when the first job succeeds."));
-      return series.draw(series_names, results.points);
+      return series.draw(series_rows, results.points);
     }
     if (!controls.contains(document.activeElement)) {
       fill(controls, choice("Response", options, measure.name, choose("response")), y && choice("Map of", options, map_measure.name, choose("map")),
@@ -109,7 +109,7 @@ export async function show(main, id) {
     coordinates.draw({ ...data, measure });
     points.draw({ ...data, all, headline });
     drawForm({ ...data, x }, all);
-    return series.draw(series_names, results.points);
+    return series.draw(series_rows, results.points);
   }
 
   /**

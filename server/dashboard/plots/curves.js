@@ -20,20 +20,17 @@ export const curveKey = (data) => `${data.name} over ${"over" in data ? data.ove
 /** @param {Series | Curve} data */
 const abscissa = (data) => ("t_s" in data ? data.t_s : data.x);
 
-/** Curves over these are drawn as dots, since there is no value between two bodies. The table of results does not mark counts. */
-const COUNTED = ["fillet", "body"];
-
 /**
- * The same series or curve of one or more jobs.
- * @param {Line[]} lines @returns {Plot}
+ * The same series or curve of one or more jobs: as lines, or as dots, one for each body.
+ * @param {Line[]} lines @param {boolean} is_per_body @returns {Plot}
  */
-export function linePlot(lines) {
+export function linePlot(lines, is_per_body) {
   const first = lines[0]?.data;
   if (!first) return { traces: [], layout: {}, table: () => "" };
   const across = "t_s" in first ? "belt time (s)" : labelOf(first.over, first.over_unit);
   return {
     traces: lines.map(({ name, data, path }, i) => ({
-      type: "scatter", mode: "over" in data && COUNTED.includes(data.over) ? "markers" : "lines", name, x: abscissa(data), y: data.values, line: { color: series(i), width: 1.6 },
+      type: "scatter", mode: is_per_body ? "markers" : "lines", name, x: abscissa(data), y: data.values, line: { color: series(i), width: 1.6 },
       customdata: path && data.values.map(() => path), hovertemplate: `%{x:.4g}, %{y:.4g}<extra>${name}</extra>`,
     })),
     layout: { showlegend: lines.length > 1, xaxis: { title: { text: across } }, yaxis: { title: { text: labelOf(first.name, first.unit) }, ...shareRange(first.name, lines.flatMap(({ data }) => data.values)) } },
@@ -43,9 +40,6 @@ export function linePlot(lines) {
     ], first.values.map((_, i) => i).slice(0, 400)),
   };
 }
-
-/** Series that keep their last value when a simulation has ended. The table of results does not mark them. */
-const CONSTANT_AFTER_END = ["discharged_mass", "bonds_intact_fraction"];
 
 /**
  * The value of a sampled curve at time t, interpolated. Null before the first sample; after the last one, null or, with `is_constant`, the last value.
@@ -94,17 +88,17 @@ function band(replicates, is_constant) {
 
 /**
  * Explains the end of a band.
- * @param {string} name
+ * @param {SeriesRow} row
  */
-export const explainEnd = (name) => (CONSTANT_AFTER_END.includes(name) ? "ended trials keep their last value" : "means stop where the first trial ends");
+export const explainEnd = (row) => (row.constant_after_end ? "ended trials keep their last value" : "means stop where the first trial ends");
 
 /**
  * Groups of trials as mean lines in bands.
- * @param {Group[]} groups @param {string} name @param {string | null | undefined} unit @returns {Plot}
+ * @param {Group[]} groups @param {SeriesRow} row @param {string | null | undefined} unit of the trials @returns {Plot}
  */
-export function bandPlot(groups, name, unit) {
+export function bandPlot(groups, { name, constant_after_end }, unit) {
   const traces = groups.flatMap((group, i) => {
-    const trials = averaged(group.replicates), { t_s, mean, low, high } = band(trials, CONSTANT_AFTER_END.includes(name)), color = series(i);
+    const trials = averaged(group.replicates), { t_s, mean, low, high } = band(trials, constant_after_end), color = series(i);
     const edge = { type: "scatter", mode: "lines", x: t_s, line: { width: 0, color }, hoverinfo: "skip", showlegend: false, legendgroup: group.name };
     return [
       { ...edge, y: low },

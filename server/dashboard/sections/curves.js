@@ -15,7 +15,7 @@ const MAX_GROUPS = 12;
 const RANGES = 6;
 
 /**
- * The card; `draw` gets the names of the experiment's series, and the design points of the sweep.
+ * The card; `draw` gets the experiment's series, and the design points of the sweep.
  * @param {string} at path of the sweep @param {SweepView} sweep
  */
 export function curves(at, sweep) {
@@ -30,22 +30,22 @@ export function curves(at, sweep) {
       setParameters({ group });
       draw(...drawn);
     }), note] });
-  /** @type {[string[], PointRow[]]} */
+  /** @type {[SeriesRow[], PointRow[]]} */
   let drawn = [[], []];
 
-  /** @param {string[]} series @param {PointRow[]} points */
+  /** @param {SeriesRow[]} series @param {PointRow[]} points */
   async function draw(series, points) {
     drawn = [series, points];
-    const name = series.find((one) => one === parameter("series")) ?? series[0];
-    if (!series_choice.contains(document.activeElement)) fill(series_choice, choice("Series", series, name, (series) => {
+    const row = series.find((one) => one.name === parameter("series")) ?? series[0], { name } = row;
+    if (!series_choice.contains(document.activeElement)) fill(series_choice, choice("Series", series.map((one) => one.name), name, (series) => {
       setParameters({ series });
       draw(...drawn);
     }));
     const { trials, unit, has_more } = await seriesOfSweep(at, name);
     const running = trials.filter((trial) => trial.partial).length;
-    note.textContent = [has_more && `the first ${trials.length} jobs`, running > 0 && `${running} still running`, trials.length > 0 && explainEnd(name)].filter(Boolean).join(", ");
+    note.textContent = [has_more && `the first ${trials.length} jobs`, running > 0 && `${running} still running`, trials.length > 0 && explainEnd(row)].filter(Boolean).join(", ");
     const groups = groupsOf(trials, points);
-    await plot.draw(() => (groups.length ? bandPlot(groups, name, unit) : null));
+    await plot.draw(() => (groups.length ? bandPlot(groups, row, unit) : null));
   }
 
   /**

@@ -64,6 +64,8 @@ pub struct SeriesRow {
     pub doc: &'static str,
     /// Whether pictures of a result show it.
     pub headline: bool,
+    /// Whether the last value holds after the end of the simulation.
+    pub constant_after_end: bool,
 }
 
 /// A quantity over something other than time.
@@ -81,6 +83,8 @@ pub struct CurveRow {
     pub doc: &'static str,
     /// Whether pictures of a result show it.
     pub headline: bool,
+    /// Whether each point is of one body, with no value between two points.
+    pub per_body: bool,
 }
 
 /// The results of an experiment. Tables and pictures keep this order.
@@ -113,7 +117,7 @@ pub(super) const fn word(name: &'static str, doc: &'static str) -> ResponseDefin
 
 /// A series from t = 0 on.
 pub(super) const fn series(name: &'static str, unit: &'static str, doc: &'static str) -> SeriesRow {
-    SeriesRow { name, unit, clock: Clock::Belt, doc, headline: false }
+    SeriesRow { name, unit, clock: Clock::Belt, doc, headline: false, constant_after_end: false }
 }
 
 pub(super) const fn curve(
@@ -122,7 +126,7 @@ pub(super) const fn curve(
     (over, over_unit): (&'static str, &'static str),
     doc: &'static str,
 ) -> CurveRow {
-    CurveRow { name, unit, over, over_unit, doc, headline: false }
+    CurveRow { name, unit, over, over_unit, doc, headline: false, per_body: false }
 }
 
 impl ResponseDefinition {
@@ -134,6 +138,10 @@ impl ResponseDefinition {
 impl SeriesRow {
     pub(super) const fn headline(self) -> Self {
         Self { headline: true, ..self }
+    }
+
+    pub(super) const fn constant_after_end(self) -> Self {
+        Self { constant_after_end: true, ..self }
     }
 }
 
@@ -147,6 +155,10 @@ impl CurveRow {
 
     pub(super) const fn headline(self) -> Self {
         Self { headline: true, ..self }
+    }
+
+    pub(super) const fn per_body(self) -> Self {
+        Self { per_body: true, ..self }
     }
 }
 
@@ -193,6 +205,7 @@ pub(super) const BONDS_INTACT: SeriesRow = SeriesRow {
         "1",
         "Share of unbroken bonds among all bonds. In `hopper`, `bend` and `slide`, samples from before t = 0 have negative times.",
     )
+    .constant_after_end()
 };
 
 impl Recorder {

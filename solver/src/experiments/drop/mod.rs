@@ -54,13 +54,14 @@ const PLATE_FORCE: SeriesRow = series(
 const OVER: (&str, &str) = ("fillet", "1");
 #[rustfmt::skip]
 const SETTLE_TIME: CurveRow = curve("settle_time", "s", OVER,
-    "Settle time of each settled fillet. The numbers of the fillets start at 0.").headline();
+    "Settle time of each settled fillet. The numbers of the fillets start at 0.").headline().per_body();
 const BONDS_OF_EACH: CurveRow = curve(
     "bonds_intact_fraction",
     "1",
     OVER,
     "Share of unbroken bonds in each fillet. The numbers of the fillets start at 0.",
-);
+)
+.per_body();
 
 pub(super) const OUTPUTS: Outputs = Outputs {
     responses: RESPONSES,

@@ -152,7 +152,7 @@ const RESPONSES: &[ResponseDefinition] = &[
 ];
 
 const DISCHARGED_MASS: SeriesRow =
-    series("discharged_mass", "kg", "Mass that has passed the gate plane.").headline();
+    series("discharged_mass", "kg", "Mass that has passed the gate plane.").headline().constant_after_end();
 #[rustfmt::skip]
 const MASS_RATE: SeriesRow = series("mass_rate", "kg/s",
     "Discharge rate: the mass per second that passes the gate plane, as a mean over 0.25 s around each sample. For the first and the \

@@ -62,9 +62,9 @@ const OVER: (&str, &str) = ("body", "1");
 const POSITIONS: [CurveRow; 3] = [
     curve("position_x", "m", OVER,
         "Position along x of each body's centre of mass at the end. The numbers of the bodies start at 0. The curve omits bodies that \
-         left the simulation."),
-    curve("position_y", "m", OVER, "Position along y of each body's centre of mass at the end."),
-    curve("position_z", "m", OVER, "Position along z of each body's centre of mass at the end."),
+         left the simulation.").per_body(),
+    curve("position_y", "m", OVER, "Position along y of each body's centre of mass at the end.").per_body(),
+    curve("position_z", "m", OVER, "Position along z of each body's centre of mass at the end.").per_body(),
 ];
 
 #[rustfmt::skip]
