@@ -88,6 +88,9 @@ fn every_experiment_returns_all_rows_of_its_response_table() {
         let series: Vec<_> = series.filter(of_floor).collect();
         let found: Vec<_> = result.series.iter().map(|one| (one.name.clone(), one.unit.as_str())).collect();
         assert_eq!(found, series, "{experiment}");
+        for row in outputs.curves {
+            assert_eq!(row.per_body, ["fillet", "body"].contains(&row.over), "{experiment}: {}", row.name);
+        }
         let curves: Vec<_> = outputs.curves.iter().map(|row| (row.name, row.unit, row.over)).collect();
         let found: Vec<_> = result
             .curves

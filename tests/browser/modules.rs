@@ -41,6 +41,23 @@ fn a_mean_needs_a_value_of_every_trial() {
 }
 
 #[test]
+fn a_curve_over_bodies_has_dots() {
+    let (_home, _server, mut page) = opened();
+    let mut mode = |data: Value| -> String {
+        let plot = format!(
+            "Promise.all([import('/dashboard/plots/curves.js'), import('/dashboard/outputs.js')]).then(async ([{{ linePlot }}, {{ isPerBody, readOutputs }}]) =>
+                linePlot([{{ name: 'a', data: {data} }}], isPerBody(await readOutputs(), {data})).traces[0].mode)"
+        );
+        serde_json::from_value(page.value(&plot)).unwrap()
+    };
+    let curve = |name: &str, over: &str| json!({"name": name, "unit": "1", "over": over, "over_unit": "1", "x": [0, 1], "values": [1, 2]});
+    assert_eq!(mode(curve("settle_time", "fillet")), "markers");
+    assert_eq!(mode(curve("stress", "strain")), "lines");
+    let series = json!({"name": "mass_rate", "unit": "kg/s", "t_s": [0, 1], "values": [1, 2]});
+    assert_eq!(mode(series), "lines");
+}
+
+#[test]
 fn linked_fields_stay_linked() {
     let (_home, _server, mut page) = opened();
     let sweep = json!({"base": {}, "design": {"kind": "grid"}, "factors": [

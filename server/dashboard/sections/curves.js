@@ -36,7 +36,9 @@ export function curves(at, sweep) {
   /** @param {SeriesRow[]} series @param {PointRow[]} points */
   async function draw(series, points) {
     drawn = [series, points];
-    const row = series.find((one) => one.name === parameter("series")) ?? series[0], { name } = row;
+    const row = series.find((one) => one.name === parameter("series")) ?? series[0];
+    if (!row) return plot.draw(() => null);
+    const { name } = row;
     if (!series_choice.contains(document.activeElement)) fill(series_choice, choice("Series", series.map((one) => one.name), name, (series) => {
       setParameters({ series });
       draw(...drawn);

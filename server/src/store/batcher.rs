@@ -22,10 +22,11 @@ pub(super) type Execute<A, B> = for<'t> fn(&'t mut Connection, &'t [Arc<A>]) -> 
 
 type Pending<A, B> = (Arc<A>, oneshot::Sender<Result<B, StoreError>>);
 
-/// Maximum time that a batch waits to become as large as the one before. A single client never waits.
+/// Maximum time that a batch waits, before it enters the writer's queue, to become as large as the one before. A single client never
+/// waits.
 const MAX_LINGER: Duration = Duration::from_millis(if cfg!(test) { 0 } else { 2 });
 
-/// Batches that are executed or flushed at the same time.
+/// Batches of one kind between their first request and their answers.
 const BATCHES_AT_ONCE: usize = 2;
 
 /// Collects requests into batches. Its task ends with it.
@@ -48,6 +49,7 @@ impl<A: Send + Sync + 'static, B: Send + 'static> Batcher<A, B> {
                 if batch.is_empty() && pending.recv_many(&mut batch, max_size).await == 0 {
                     break;
                 }
+                take_waiting(&mut batch, &mut pending, max_size);
                 if batch.len() < max_size && !interval.is_zero() {
                     tokio::time::sleep_until(earliest).await;
                 }
@@ -61,6 +63,7 @@ impl<A: Send + Sync + 'static, B: Send + 'static> Batcher<A, B> {
                         () = &mut linger => break,
                     }
                 }
+                take_waiting(&mut batch, &mut pending, max_size);
                 let size = batch.len();
                 let open = Arc::new(OpenBatch::new(std::mem::take(&mut batch)));
                 let (writer, submitted) = (writer.clone(), open.clone());
@@ -82,6 +85,15 @@ impl<A: Send + Sync + 'static, B: Send + 'static> Batcher<A, B> {
         let (sender, receiver) = oneshot::channel();
         self.0.send((Arc::new(request), sender)).await.map_err(|_| StoreError::WriterGone)?;
         receiver.await.map_err(|_| StoreError::WriterGone)?
+    }
+}
+
+/// Adds requests that have arrived to a batch.
+fn take_waiting<T>(batch: &mut Vec<T>, pending: &mut mpsc::Receiver<T>, max_size: usize) {
+    while batch.len() < max_size
+        && let Ok(next) = pending.try_recv()
+    {
+        batch.push(next);
     }
 }
 
@@ -142,11 +154,8 @@ where
         Box::pin(async move { execute(tx, &requests).await })
     });
     let written = written.await;
-    // The writer may have refused it before its begin.
-    open.close();
-    let write = async |requests: Vec<Arc<A>>| {
-        writer.write(move |tx| Box::pin(async move { execute(tx, &requests).await })).await
-    };
+    // The writer may have refused it before it started.
+    open.closed.cancel();
     let (requests, senders): (Vec<_>, Vec<_>) = std::mem::take(&mut *open.batch()).into_iter().unzip();
     // A client may have stopped waiting for its answer.
     match written {
@@ -164,9 +173,9 @@ where
                 "a batch failed; its requests are tried one by one"
             );
             for (request, sender) in requests.into_iter().zip(senders) {
-                let answer = write(vec![request])
-                    .await
-                    .and_then(|answers| answers.into_iter().next().ok_or(StoreError::WriterGone));
+                let alone = writer.write(move |tx| Box::pin(async move { execute(tx, &[request]).await }));
+                let answer =
+                    alone.await.and_then(|answers| answers.into_iter().next().ok_or(StoreError::WriterGone));
                 drop(sender.send(answer));
             }
         }

@@ -129,8 +129,8 @@ pub(super) const REPEAT: &str = concat!(
 );
 
 /// Records that workers were seen. Returns the device and load of each, whether it has failed jobs, and whether its request is a
-/// repeat. It is found by its id alone, which has few attempts. The offset keeps PostgreSQL from collecting the attempts of all workers
-/// instead of looking for one.
+/// repeat. A repeat is found by the id of its request alone: few attempts have the same one. The offset keeps PostgreSQL from collecting
+/// the attempts of all workers instead of looking for one.
 pub(super) const ARRIVE: &str = "
     UPDATE workers SET last_seen_at = CAST(request.value ->> 'at' AS BIGINT)
     FROM json_each(?) AS request WHERE workers.id = request.value ->> 'worker';

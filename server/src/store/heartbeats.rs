@@ -68,7 +68,8 @@ impl Store {
 async fn renew_all(tx: &mut Connection, batch: &[Arc<Beats>]) -> Result<Vec<BeatReply>, StoreError> {
     let draining = mark_seen(tx, batch).await?;
     let effects = effects(tx, batch).await?;
-    let mut renewed: Vec<Value> = Vec::new();
+    // By attempt: a worker may have repeated its heartbeat, and the last one counts.
+    let mut renewed: BTreeMap<(JobId, u32), Value> = BTreeMap::new();
     let mut next = effects.into_iter();
     let mut answers = Vec::with_capacity(batch.len());
     for beats in batch {
@@ -79,7 +80,8 @@ async fn renew_all(tx: &mut Connection, batch: &[Arc<Beats>]) -> Result<Vec<Beat
             if let BeatEffect::Renew { until, .. } = effect
                 && known
             {
-                renewed.push(json!({"job": beat.job_id, "attempt": beat.attempt, "worker": beats.worker, "until": until.0}));
+                let row = json!({"job": beat.job_id, "attempt": beat.attempt, "worker": beats.worker, "until": until.0});
+                renewed.insert((beat.job_id, beat.attempt), row);
             }
             attempts.push(directive(*beat, effect));
         }
@@ -89,7 +91,7 @@ async fn renew_all(tx: &mut Connection, batch: &[Arc<Beats>]) -> Result<Vec<Beat
         });
     }
     if !renewed.is_empty() {
-        let renewed = to_json("beats", &renewed)?;
+        let renewed = to_json("beats", &renewed.values().collect::<Vec<_>>())?;
         query(RENEW).bind(&renewed).bind(&renewed).execute(&mut *tx).await?;
     }
     Ok(answers)

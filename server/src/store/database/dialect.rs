@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | `?`, `?2` | `$1`, `$2` | its form of parameters |
 //! | `;` | two statements | a prepared statement is only one |
-//! | `INDEXED BY name` | nothing | its planner knows how many rows there are |
+//! | `INDEXED BY name` | nothing | it has no such words; the session of the writer prefers indexes |
 //! | `CROSS JOIN t ON …` | `JOIN t ON …` | for SQLite, `CROSS` fixes the order of loops; PostgreSQL refuses a condition there |
 //! | `json_object(` | `json_build_object(` | the name of the function |
 //! | `sqlite_sequence` | `row_numbers` | the table with the highest number of each table |

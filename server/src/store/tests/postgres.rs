@@ -118,6 +118,28 @@ async fn a_session_that_ends_between_writes_is_replaced() {
 }
 
 #[tokio::test]
+async fn every_session_of_the_writer_prefers_indexes() {
+    let place = Place::postgres();
+    let store = place.open().await;
+    for connection in ["the first", "another"] {
+        let setting = store.writer.write(|tx| {
+            Box::pin(async move {
+                let sql = "SELECT current_setting('enable_seqscan')";
+                Ok(query_scalar::<String>(sql).fetch_one(&mut *tx).await?)
+            })
+        });
+        assert_eq!(setting.await.unwrap(), "off", "{connection}");
+        let mut other = Connection::from(address(&place).connect().await.unwrap().0);
+        let end = "SELECT count(pg_terminate_backend(pid)) FROM pg_stat_activity
+                   WHERE datname = current_database() AND pid <> pg_backend_pid()";
+        assert!(query_scalar::<i64>(end).fetch_one(&mut other).await.unwrap() >= 1);
+        other.close().await.unwrap();
+        count(&store).await.unwrap();
+    }
+    store.close().await;
+}
+
+#[tokio::test]
 async fn acknowledged_writes_survive_crashes_of_postgresql() {
     let cluster = Cluster::start(&std::env::temp_dir(), "");
     let location: Location = cluster.create("crashes").parse().unwrap();
