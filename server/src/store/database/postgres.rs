@@ -27,7 +27,8 @@ const WRITER_LIMITS: [(&str, &str); 2] = [("statement_timeout", "60s"), ("lock_t
 
 /// The writer prefers indexes, whatever the statistics say. A new database has none: a plan made then would read whole tables, and stay
 /// until PostgreSQL analyses the grown tables. PostgreSQL would also compile each plan that has to read a whole table.
-const WRITER_PLANS: &str = "SELECT set_config('enable_seqscan', 'off', false), set_config('enable_hashjoin', 'off', false),
+const WRITER_PLANS: &str =
+    "SELECT set_config('enable_seqscan', 'off', false), set_config('enable_hashjoin', 'off', false),
         set_config('enable_mergejoin', 'off', false), set_config('jit', 'off', false)";
 
 /// PostgreSQL ends the session of a server that it cannot reach, after a minute.
