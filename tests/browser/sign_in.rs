@@ -38,7 +38,7 @@ fn a_user_signs_in_with_the_provider_submits_and_signs_out() {
     // The page after the callback leads to the dashboard by itself, with the cookie.
     page.until(
         "sweeps are listed",
-        "location.pathname === '/' && !document.querySelector('dialog') && find.control('Sign out')",
+        "location.pathname === '/' && !document.querySelector('dialog') && find.control('Sign out') && document.querySelector('main h1')",
     );
     page.until("the user is shown", "document.querySelector('header').innerText.includes('ada@lab.example')");
     assert!(page.audit().is_empty(), "{:?}", page.audit());
