@@ -300,8 +300,17 @@ mod tests {
         let scene = two_fillets(0.3);
         let measure = Interpenetration::new(&scene);
         let count = scene.kinds[0].meta.points.len();
+        let shift = DVec3::new(1.1, 0.9, 0.8);
+        let whole = measure.fraction(&nested(&scene, shift, |point| point));
+        // Both fillets are stretched until their bonds along z are nearly as long as bonds that break, or longer.
+        let break_ratio = f64::from(scene.laws.bond.break_length) / (2.0 * RADIUS_M);
+        for (share, expected) in [(0.99, whole), (1.01, Some(0.0))] {
+            let stretch = DVec3::new(1.0, 1.0, share * break_ratio);
+            let state = nested(&scene, shift, |point| point * stretch);
+            assert_eq!(measure.fraction(&state), expected, "{share} of the length at which bonds break");
+        }
         // Every second sub-particle of the first fillet is pulled out of its lattice, or gone.
-        let mut state = nested(&scene, DVec3::new(1.1, 0.9, 0.8), |point| point);
+        let mut state = nested(&scene, shift, |point| point);
         let inside = measure.fraction(&state).expect("it has sub-particles") * 2.0 * count as f64;
         for i in (0..count).step_by(2) {
             state.particles[i].position.z += (0.1 / f64::from(state.frame.unit_m)) as i32;
