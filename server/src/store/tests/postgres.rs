@@ -102,18 +102,23 @@ async fn a_write_that_fails_in_postgresql_says_why_and_the_next_one_succeeds() {
     store.close().await;
 }
 
+/// Ends all sessions of a database.
+async fn end_sessions(place: &Place) {
+    let mut other = Connection::from(address(place).connect().await.unwrap().0);
+    let end = "SELECT count(pg_terminate_backend(pid)) FROM pg_stat_activity
+               WHERE datname = current_database() AND pid <> pg_backend_pid()";
+    assert!(query_scalar::<i64>(end).fetch_one(&mut other).await.unwrap() >= 1);
+    other.close().await.unwrap();
+}
+
 #[tokio::test]
 async fn a_session_that_ends_between_writes_is_replaced() {
     let place = Place::postgres();
     let store = place.open().await;
     let before = count(&store).await.unwrap();
-    let mut other = Connection::from(address(&place).connect().await.unwrap().0);
-    let end = "SELECT count(pg_terminate_backend(pid)) FROM pg_stat_activity
-               WHERE datname = current_database() AND pid <> pg_backend_pid()";
-    assert!(query_scalar::<i64>(end).fetch_one(&mut other).await.unwrap() >= 1);
+    end_sessions(&place).await;
     assert_eq!(count(&store).await.unwrap(), before + 1);
     store.tokens().await.expect("readers connect again too");
-    other.close().await.unwrap();
     store.close().await;
 }
 
@@ -129,11 +134,7 @@ async fn every_session_of_the_writer_prefers_indexes() {
             })
         });
         assert_eq!(setting.await.unwrap(), "off", "{connection}");
-        let mut other = Connection::from(address(&place).connect().await.unwrap().0);
-        let end = "SELECT count(pg_terminate_backend(pid)) FROM pg_stat_activity
-                   WHERE datname = current_database() AND pid <> pg_backend_pid()";
-        assert!(query_scalar::<i64>(end).fetch_one(&mut other).await.unwrap() >= 1);
-        other.close().await.unwrap();
+        end_sessions(&place).await;
         count(&store).await.unwrap();
     }
     store.close().await;
