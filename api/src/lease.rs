@@ -15,11 +15,15 @@ use crate::fill::FillOrder;
 use crate::frames::FramesOrder;
 use crate::ids::{JobId, WorkerId};
 use crate::job::{AttemptOutcome, FilledBy};
+use crate::problem::Problem;
 use crate::solver_documents::{ProgressSchema, RunResultSchema};
 use crate::time::Timestamp;
 
 /// Maximum of jobs in one claim: enough for a batch of a device.
 pub const MAX_CLAIMED_JOBS: u32 = 64;
+
+/// Maximum of results in one request.
+pub const MAX_RESULTS: usize = 64;
 
 /// Maximum time that a claim may wait, in seconds.
 pub const MAX_CLAIM_WAIT_S: f64 = 86_400.0;
@@ -215,6 +219,47 @@ pub struct ResultDelivery {
     /// Where its filled state came from, if it shares one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub filled_by: Option<FilledBy>,
+}
+
+/// Results of several attempts in one request. Each is recorded or refused on its own.
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ResultsDelivery {
+    /// The results, from 1 to 64.
+    #[schema(min_items = 1, max_items = 64)]
+    pub results: Vec<AttemptResult>,
+}
+
+/// The result of one of several attempts.
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AttemptResult {
+    /// The job.
+    pub job_id: JobId,
+    /// Number of the attempt.
+    pub attempt: u32,
+    /// Its result.
+    pub delivery: ResultDelivery,
+}
+
+/// The answer to results of several attempts.
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+pub struct ResultsReply {
+    /// An answer for each result, in the order of the request.
+    pub answers: Vec<ResultAnswer>,
+}
+
+/// The answer to the result of one attempt.
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+pub struct ResultAnswer {
+    /// The job.
+    pub job_id: JobId,
+    /// Number of the attempt.
+    pub attempt: u32,
+    /// Whether this request recorded it; false for a repeat of a recorded result, and for a refused one.
+    pub recorded: bool,
+    /// Why it was refused; null unless it was.
+    pub problem: Option<Problem>,
 }
 
 /// The report of an attempt that ended without a result. Repeating it is safe.

@@ -84,7 +84,12 @@ impl Delivery {
             Content::Result(body) => client.deliver_result(self.job_id, self.attempt, body).await,
             Content::Failure(body) => client.report_failure(self.job_id, self.attempt, body).await,
         };
-        match sent {
+        self.outcome(sent)
+    }
+
+    /// The outcome by the server's answer.
+    pub(crate) fn outcome(&self, answer: Result<(), ClientError>) -> Result<DeliveryOutcome, ClientError> {
+        match answer {
             Ok(()) => Ok(DeliveryOutcome::Confirmed),
             Err(error) if matches!(error.problem_status(), Some(409)) => {
                 tracing::warn!(job = %self.job_id, attempt = self.attempt, %error, "the server refused a stale delivery");

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 use reqwest::{Client, Response, StatusCode};
 use roost_api::ids::WorkerId;
+use roost_api::lease::ResultsReply;
 use roost_api::{API_VERSION, RunResult, Series};
 use roost_solver::SOLVER_REVISION;
 use roost_solver::result::{EndReason, Performance, SCHEMA, SolverInfo};
@@ -143,11 +144,39 @@ impl SimulatedWorker {
         request: Uuid,
         wait_s: f64,
     ) -> Result<Option<Attempt<S>>> {
-        let body = json!({"request_id": request, "worker_id": self.id, "max_jobs": 1, "wait_s": wait_s});
+        Ok(self.claim_up_to(1, request, wait_s).await?.into_iter().next())
+    }
+
+    /// Claims up to `max_jobs` jobs.
+    pub(super) async fn claim_up_to<S: DeserializeOwned>(
+        &self,
+        max_jobs: u32,
+        request: Uuid,
+        wait_s: f64,
+    ) -> Result<Vec<Attempt<S>>> {
+        let body =
+            json!({"request_id": request, "worker_id": self.id, "max_jobs": max_jobs, "wait_s": wait_s});
         let response =
             self.client.http.post(format!("{}/v1/claims", self.client.url)).json(&body).send().await?;
         let claimed: Claimed<S> = success("/v1/claims", response).await?.json().await?;
-        Ok(claimed.attempts.into_iter().next())
+        Ok(claimed.attempts)
+    }
+
+    /// Delivers the results of attempts in one request. Returns how many were recorded now.
+    pub(super) async fn deliver_together(&self, attempts: &[Attempt], results: &Results) -> Result<u64> {
+        let mut items = Vec::with_capacity(attempts.len());
+        for Attempt { job_id, attempt, scenario } in attempts {
+            let result = results.of(scenario.seed)?;
+            items.push(format!(
+                r#"{{"job_id": "{job_id}", "attempt": {attempt}, "delivery": {{"worker_id": "{}", "result": {result}}}}}"#,
+                self.id
+            ));
+        }
+        let body = format!(r#"{{"results": [{}]}}"#, items.join(","));
+        let request = self.client.http.post(format!("{}/v1/results", self.client.url));
+        let response = request.header("content-type", "application/json").body(body).send().await?;
+        let reply: ResultsReply = success("/v1/results", response).await?.json().await?;
+        Ok(reply.answers.iter().filter(|answer| answer.recorded).count() as u64)
     }
 
     /// Delivers the result of an attempt. Returns whether it was recorded now, or none for a stale attempt.

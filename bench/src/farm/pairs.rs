@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result};
+use anyhow::{Result, bail};
 use futures_util::future::try_join_all;
 use tokio::time::sleep;
 use uuid::Uuid;
@@ -14,11 +14,16 @@ use super::clients::{ApiClient, MANY_SEEDS, Results, replicate_sweep, timed};
 use super::measurements::{Rows, start};
 
 const PAIRS: &str = "claim and result pairs, on disk before the answer";
+const OF_SLOTS: &str = "pairs of workers with 8 slots, results in one request";
 const OF_TWO: &str = "pairs with two servers";
+const OF_TWO_WITH_SLOTS: &str = "pairs of workers with 8 slots and two servers";
 const BESIDE_A_TRANSACTION: &str = "pairs beside an open transaction, compared with before";
 
 /// Number of workers that claim and deliver at the same time.
 const WORKERS: usize = 32;
+
+/// Slots of a worker that runs several jobs.
+const SLOTS: u32 = 8;
 
 /// Measures the requested rows. `hold` is the time for which a transaction stays open.
 pub(super) async fn measure(
@@ -29,12 +34,21 @@ pub(super) async fn measure(
 ) -> Result<()> {
     if rows.includes(&[PAIRS]) {
         let target = if rows.on_postgres() { 2000.0 } else { 3000.0 };
-        let rate = rate_of(rows, 1, results, length).await?;
+        let rate = rate_of(rows, (1, 1), results, length).await?;
         rows.add(PAIRS, rate, "1/s", Target::AtLeast(target));
     }
+    if rows.includes(&[OF_SLOTS]) {
+        let target = if rows.on_postgres() { 2000.0 } else { 3000.0 };
+        let rate = rate_of(rows, (1, SLOTS), results, length).await?;
+        rows.add(OF_SLOTS, rate, "1/s", Target::AtLeast(target));
+    }
     if rows.on_postgres() && rows.includes(&[OF_TWO]) {
-        let rate = rate_of(rows, 2, results, length).await?;
+        let rate = rate_of(rows, (2, 1), results, length).await?;
         rows.add(OF_TWO, rate, "1/s", Target::AtLeast(3000.0));
+    }
+    if rows.on_postgres() && rows.includes(&[OF_TWO_WITH_SLOTS]) {
+        let rate = rate_of(rows, (2, SLOTS), results, length).await?;
+        rows.add(OF_TWO_WITH_SLOTS, rate, "1/s", Target::AtLeast(3000.0));
     }
     if rows.includes(&[BESIDE_A_TRANSACTION]) {
         beside_a_transaction(rows, results, length, hold).await?;
@@ -42,8 +56,13 @@ pub(super) async fn measure(
     Ok(())
 }
 
-/// Pairs per second through a server, or in turns through two servers of one PostgreSQL database.
-async fn rate_of(rows: &Rows, servers: usize, results: &Arc<Results>, length: Duration) -> Result<f64> {
+/// Pairs per second through a server, or in turns through two servers of one PostgreSQL database, by workers with some slots.
+async fn rate_of(
+    rows: &Rows,
+    (servers, slots): (usize, u32),
+    results: &Arc<Results>,
+    length: Duration,
+) -> Result<f64> {
     let data = rows.new_data()?;
     let mut running = Vec::new();
     for _ in 0..servers {
@@ -59,9 +78,12 @@ async fn rate_of(rows: &Rows, servers: usize, results: &Arc<Results>, length: Du
         let worker = client.register().await?;
         let mut done = 0_u64;
         while Instant::now() < until {
-            let attempt = worker.claim(Uuid::now_v7(), 0.0).await?.context("the queue is empty")?;
-            worker.deliver(&attempt, results).await?;
-            done += 1;
+            let attempts = worker.claim_up_to(slots, Uuid::now_v7(), 0.0).await?;
+            done += match attempts.as_slice() {
+                [] => bail!("the queue is empty"),
+                [attempt] => u64::from(worker.deliver(attempt, results).await? == Some(true)),
+                attempts => worker.deliver_together(attempts, results).await?,
+            };
         }
         anyhow::Ok(done)
     };

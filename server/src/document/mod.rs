@@ -17,7 +17,7 @@ use roost_api::Fault;
 use roost_api::ask::{Ask, Tell};
 use roost_api::design::Extension;
 use roost_api::job::JobEnvelope;
-use roost_api::lease::{ClaimRequest, FailureReport, HeartbeatRequest, ResultDelivery};
+use roost_api::lease::{ClaimRequest, FailureReport, HeartbeatRequest, ResultDelivery, ResultsDelivery};
 use roost_api::measurements::Measurements;
 use roost_api::study::{BudgetChange, RangeChange, StudySpec};
 use roost_api::sweep::SweepSpec;
@@ -63,6 +63,7 @@ document_types!(
     Measurements,
     RangeChange,
     ResultDelivery,
+    ResultsDelivery,
     StudySpec,
     SweepSpec,
     Tell,

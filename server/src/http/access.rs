@@ -33,7 +33,9 @@ pub(super) fn scopes_of(method: &Method, path: &str) -> &'static [Scope] {
         "/v1/version" => &[Scope::Read, Scope::Worker],
         "/v1/meshes/{digest}" | "/v1/meshes/{digest}/file" => &[Scope::Read, Scope::Worker],
         "/v1/workers/{id}/drain" | "/v1/prune" => &[Scope::Admin],
-        "/v1/workers" | "/v1/claims" | "/v1/workers/{id}/heartbeat" if !reads => &[Scope::Worker],
+        "/v1/workers" | "/v1/claims" | "/v1/results" | "/v1/workers/{id}/heartbeat" if !reads => {
+            &[Scope::Worker]
+        }
         _ if path.contains("/attempts/") => &[Scope::Worker],
         "/v1/validate" | "/v1/studies/validate" => &[Scope::Read],
         _ if *method == Method::DELETE => &[Scope::Admin],

@@ -1,11 +1,14 @@
-//! Deliveries of attempts: a result, or a failure.
+//! Deliveries of attempts: a result, several results, or a failure.
 
 use axum::Json;
 use axum::extract::State;
+use futures_util::future::join_all;
 use roost_api::ids::JobId;
 use roost_api::job::AttemptOutcome;
 use roost_api::job::MAX_NAME_BYTES;
-use roost_api::lease::{FailureReport, ResultDelivery};
+use roost_api::lease::{
+    AttemptResult, FailureReport, MAX_RESULTS, ResultAnswer, ResultDelivery, ResultsDelivery, ResultsReply,
+};
 use roost_api::problem::Problem;
 use roost_api::{Fault, RunResult};
 use roost_solver::SOLVER_REVISION;
@@ -17,7 +20,7 @@ use serde_json::json;
 use utoipa::ToSchema;
 
 use super::blocking::run_blocking_if_long;
-use super::delivery::Delivery;
+use super::delivery::{Delivery, DeliveryBody};
 use super::problem::ApiError;
 use crate::document::fault;
 use crate::queue::{JobChange, Verdict};
@@ -45,13 +48,51 @@ pub(crate) struct Receipt {
                content_type = "application/problem+json")))]
 pub(crate) async fn result(
     State(app): State<App>,
-    Delivery { job: id, attempt, body, bytes, budget: _budget }: Delivery<ResultDelivery>,
+    Delivery { job: id, attempt, body }: Delivery<ResultDelivery>,
 ) -> Result<Json<Receipt>, ApiError> {
-    let ResultDelivery { worker_id, result, filled_by } = body;
+    let DeliveryBody { document, bytes, budget: _budget } = body;
+    let ResultDelivery { worker_id, result, filled_by } = document;
     let stored = run_blocking_if_long(bytes, move || checked_result(&result)).await??;
     let recorded = app.store.record_result(id, attempt, worker_id, (stored, filled_by), app.clock.now());
     let verdict = recorded.await??;
     Ok(Json(settle(&app, id, AttemptOutcome::Succeeded, &verdict)))
+}
+
+/// Delivers the results of several attempts. Each is recorded or refused as if it were delivered alone.
+#[utoipa::path(post, path = "/v1/results", tag = "workers", operation_id = "deliver_results",
+    request_body = ResultsDelivery,
+    responses((status = 200, description = "An answer for each result, in the order of the request", body = ResultsReply),
+              (status = 422, description = "The document has faults: no result was recorded", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn results(
+    State(app): State<App>,
+    DeliveryBody { document, bytes, budget: _budget }: DeliveryBody<ResultsDelivery>,
+) -> Result<Json<ResultsReply>, ApiError> {
+    let ResultsDelivery { results } = document;
+    if !(1..=MAX_RESULTS).contains(&results.len()) {
+        let (detail, allowed) =
+            ("the number of results is out of range", format!("1 to {MAX_RESULTS} results"));
+        return Err(ApiError::faults(vec![fault("/results", json!(results.len()), detail, &allowed)]));
+    }
+    let encode = |AttemptResult { job_id, attempt, delivery }: AttemptResult| {
+        let ResultDelivery { worker_id, result, filled_by } = delivery;
+        (job_id, attempt, worker_id, checked_result(&result).map(|stored| (stored, filled_by)))
+    };
+    let encoded: Vec<_> =
+        run_blocking_if_long(bytes, move || results.into_iter().map(encode).collect()).await?;
+    let now = app.clock.now();
+    let record = async |(job_id, attempt, worker, stored)| {
+        let recorded = async {
+            let verdict = app.store.record_result(job_id, attempt, worker, stored?, now).await??;
+            Ok::<_, ApiError>(settle(&app, job_id, AttemptOutcome::Succeeded, &verdict).recorded)
+        };
+        let (recorded, problem) = match recorded.await {
+            Ok(recorded) => (recorded, None),
+            Err(refusal) => (false, Some(refusal.into_problem())),
+        };
+        ResultAnswer { job_id, attempt, recorded, problem }
+    };
+    Ok(Json(ResultsReply { answers: join_all(encoded.into_iter().map(record)).await }))
 }
 
 fn checked_result(result: &RunResult) -> Result<EncodedResult, ApiError> {
@@ -86,9 +127,10 @@ fn checked_result(result: &RunResult) -> Result<EncodedResult, ApiError> {
                content_type = "application/problem+json")))]
 pub(crate) async fn failure(
     State(app): State<App>,
-    Delivery { job: id, attempt, body, bytes, budget: _budget }: Delivery<FailureReport>,
+    Delivery { job: id, attempt, body }: Delivery<FailureReport>,
 ) -> Result<Json<Receipt>, ApiError> {
-    let FailureReport { worker_id, outcome, message, result } = body;
+    let DeliveryBody { document, bytes, budget: _budget } = body;
+    let FailureReport { worker_id, outcome, message, result } = document;
     let check = move || result.map(|result| checked_partial(outcome, result)).transpose();
     let partial = run_blocking_if_long(bytes, check).await??;
     let (policy, now) = (app.config.retry, app.clock.both());

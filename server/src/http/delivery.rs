@@ -1,4 +1,4 @@
-//! The body of a delivery: a document of an attempt that exists. A memory budget limits concurrent deliveries.
+//! The body of a delivery: a document of one attempt that exists, or of several attempts. A memory budget limits concurrent deliveries.
 
 use axum::extract::{FromRequest, FromRequestParts, Request};
 use axum::http::header::CONTENT_LENGTH;
@@ -25,15 +25,39 @@ fn kib(bytes: usize) -> u32 {
     u32::try_from(bytes.div_ceil(1024).max(1)).unwrap_or(u32::MAX)
 }
 
-/// A delivery to an attempt that exists.
-pub(crate) struct Delivery<T> {
-    pub(crate) job: JobId,
-    pub(crate) attempt: u32,
-    pub(crate) body: T,
+/// The body of a delivery.
+pub(crate) struct DeliveryBody<T> {
+    pub(crate) document: T,
     /// Length of the body.
     pub(crate) bytes: usize,
     /// Its part of the memory budget, held until it is recorded.
     pub(crate) budget: Option<OwnedSemaphorePermit>,
+}
+
+/// A delivery to an attempt that exists.
+pub(crate) struct Delivery<T> {
+    pub(crate) job: JobId,
+    pub(crate) attempt: u32,
+    pub(crate) body: DeliveryBody<T>,
+}
+
+impl<T: DocumentType> FromRequest<App> for DeliveryBody<T> {
+    type Rejection = ApiError;
+
+    async fn from_request(request: Request, app: &App) -> Result<Self, ApiError> {
+        let text = json_bytes(request, app).await?;
+        let bytes = text.len();
+        // Acquired after reading, so that a slow sender blocks nobody.
+        let budget = app.delivery_budget.clone().acquire_many_owned(kib(bytes)).await.ok();
+        let read = move || {
+            // Only an invalid document is parsed again, to find all of its faults.
+            match read_valid(&text) {
+                Some(document) => Ok(document),
+                None => read_document(parsed(&text)?).map_err(ApiError::faults),
+            }
+        };
+        Ok(Self { document: run_blocking_if_long(bytes, read).await??, bytes, budget })
+    }
 }
 
 impl<T: DocumentType> FromRequest<App> for Delivery<T> {
@@ -48,24 +72,14 @@ impl<T: DocumentType> FromRequest<App> for Delivery<T> {
         if !length.is_some_and(is_short) {
             app.store.find_attempt(job, attempt).await??;
         }
-        let bytes = json_bytes(Request::from_parts(parts, body), app).await?;
-        // Acquired after reading, so that a slow sender blocks nobody.
-        let budget = app.delivery_budget.clone().acquire_many_owned(kib(bytes.len())).await.ok();
-        let length = bytes.len();
-        let body = run_blocking_if_long(length, move || {
-            // Only an invalid document is parsed again, to find all of its faults.
-            match read_valid(&bytes) {
-                Some(body) => Ok(body),
-                None => read_document(parsed(&bytes)?).map_err(ApiError::faults),
-            }
-        });
-        match body.await? {
-            Ok(body) => Ok(Self { job, attempt, body, bytes: length, budget }),
-            Err(fault) => {
+        match DeliveryBody::from_request(Request::from_parts(parts, body), app).await {
+            Ok(body) => Ok(Self { job, attempt, body }),
+            Err(fault) if fault.is_of_document() => {
                 // For an unknown attempt, 404 comes before the faults of the document.
                 app.store.find_attempt(job, attempt).await??;
                 Err(fault)
             }
+            Err(fault) => Err(fault),
         }
     }
 }

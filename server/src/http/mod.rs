@@ -188,6 +188,7 @@ fn routes(
         .layer(small);
     let deliveries = OpenApiRouter::new()
         .routes(routes!(attempts::result))
+        .routes(routes!(attempts::results))
         .routes(routes!(attempts::failure))
         // These have their own limits, since they are streamed to disk.
         .routes(routes!(frames::upload))

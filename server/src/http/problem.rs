@@ -98,21 +98,30 @@ impl ApiError {
         };
         Self { kind, detail, faults }
     }
+
+    /// Whether a document is not JSON or has faults.
+    pub(crate) fn is_of_document(&self) -> bool {
+        matches!(self.kind, ProblemKind::Syntax | ProblemKind::InvalidDocument)
+    }
+
+    /// The problem document.
+    pub(crate) fn into_problem(self) -> Problem {
+        Problem {
+            kind: self.kind.uri().to_owned(),
+            title: self.kind.title().to_owned(),
+            status: self.kind.status().as_u16(),
+            detail: self.detail,
+            errors: self.faults,
+        }
+    }
 }
 
 impl IntoResponse for ApiError {
     fn into_response(self) -> Response {
-        let status = self.kind.status();
-        let problem = Problem {
-            kind: self.kind.uri().to_owned(),
-            title: self.kind.title().to_owned(),
-            status: status.as_u16(),
-            detail: self.detail,
-            errors: self.faults,
-        };
-        let mut response = (status, axum::Json(problem)).into_response();
+        let kind = self.kind;
+        let mut response = (kind.status(), axum::Json(self.into_problem())).into_response();
         response.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(MEDIA_TYPE));
-        response.extensions_mut().insert(self.kind);
+        response.extensions_mut().insert(kind);
         response
     }
 }

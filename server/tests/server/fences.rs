@@ -60,6 +60,69 @@ async fn repeated_delivery_is_recorded_once() {
 }
 
 #[tokio::test]
+async fn results_in_one_request_are_recorded_or_refused_on_their_own() {
+    let (server, _dir) = TestServer::start().await;
+    let worker = server.worker("cpu").await;
+    let mut jobs = Vec::new();
+    for seed in 1..=4 {
+        jobs.push(server.submit(&envelope(seed)).await["id"].clone());
+    }
+    let attempts = worker.claim(4).await;
+    let own = |index: usize| result_of(&attempts[index]["scenario"]);
+    worker.fail(&attempts[1], "worker", None).await.expect(StatusCode::OK);
+    let mut uneven = own(3);
+    uneven.series[0].values.pop();
+    let (first, second) = (own(0), own(1));
+    // The third job gets the result of the first; the first comes twice.
+    let results = [
+        (&attempts[0], &first),
+        (&attempts[1], &second),
+        (&attempts[2], &first),
+        (&attempts[3], &uneven),
+        (&attempts[0], &first),
+    ];
+    let reply = worker.deliver_together(&results).await.expect(StatusCode::OK);
+    let answers = reply["answers"].as_array().unwrap();
+    let of = |index: usize| (&answers[index]["recorded"], &answers[index]["problem"]["type"]);
+    let problem = |name: &str| json!(format!("/problems/{name}"));
+    assert_eq!(of(0), (&json!(true), &Value::Null));
+    assert_eq!(of(1), (&json!(false), &problem("stale-attempt")));
+    assert_eq!(of(2), (&json!(false), &problem("wrong-result")));
+    assert_eq!(of(3), (&json!(false), &problem("invalid-document")));
+    assert_eq!(of(4), (&json!(false), &Value::Null), "a repeat");
+    for (answer, (attempt, _)) in answers.iter().zip(results) {
+        assert_eq!((&answer["job_id"], &answer["attempt"]), (&attempt["job_id"], &attempt["attempt"]));
+    }
+    let mut states = Vec::new();
+    for job in &jobs {
+        states.push(server.job(job).await["state"].clone());
+    }
+    assert_eq!(states, ["succeeded", "queued", "running", "running"]);
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn requests_with_too_many_results_are_refused() {
+    let (server, _dir) = TestServer::start().await;
+    let worker = server.worker("cpu").await;
+    let job = server.submit(&envelope(1)).await;
+    let attempt = worker.claim_one().await;
+    let result = result_of(&attempt["scenario"]);
+    for count in [0, 65] {
+        let refused = worker.deliver_together(&vec![(&attempt, &result); count]).await;
+        let refused = refused.problem(422, "invalid-document");
+        assert_eq!(refused["errors"][0]["pointer"], "/results", "{refused}");
+        assert!(text(&refused["errors"][0]["allowed"]).contains("64"), "{refused}");
+    }
+    assert_eq!(server.job(&job["id"]).await["state"], "running");
+    let delivered = worker.deliver_together(&vec![(&attempt, &result); 64]).await.expect(StatusCode::OK);
+    let recorded =
+        delivered["answers"].as_array().unwrap().iter().filter(|answer| answer["recorded"] == true);
+    assert_eq!(recorded.count(), 1);
+    server.stop().await;
+}
+
+#[tokio::test]
 async fn repeated_failure_report_is_recorded_once() {
     let (server, _dir) = TestServer::start().await;
     let worker = server.worker("cpu").await;

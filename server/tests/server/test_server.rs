@@ -236,6 +236,16 @@ impl Worker<'_> {
         self.server.post(&format!("{}/result", path(attempt)), &body).await
     }
 
+    /// Delivers several results in one request.
+    pub(crate) async fn deliver_together(&self, results: &[(&Value, &RunResult)]) -> TestResponse {
+        let one = |(attempt, result): &(&Value, &RunResult)| {
+            json!({"job_id": attempt["job_id"], "attempt": attempt["attempt"],
+                   "delivery": {"worker_id": self.id, "result": result}})
+        };
+        let body = json!({"results": results.iter().map(one).collect::<Vec<_>>()});
+        self.server.post("/v1/results", &body).await
+    }
+
     pub(crate) async fn fail(
         &self,
         attempt: &Value,

@@ -27,6 +27,7 @@ use roost_api::ids::{JobId, SweepId, WorkerId};
 use roost_api::job::{JobState, JobView};
 use roost_api::lease::{
     ClaimReply, ClaimRequest, FailureReport, HeartbeatReply, HeartbeatRequest, ResultDelivery,
+    ResultsDelivery, ResultsReply,
 };
 use roost_api::mesh::{self, MeshView};
 use roost_api::page::Page;
@@ -284,6 +285,11 @@ impl Client {
     pub async fn deliver_result(&self, job: JobId, attempt: u32, body: &ResultDelivery) -> ClientResult<()> {
         let request = self.request(Method::POST, &format!("jobs/{job}/attempts/{attempt}/result"));
         self.send(request.json(body)).await.map(drop)
+    }
+
+    /// Delivers several results; repeating it is safe.
+    pub async fn deliver_results(&self, body: &ResultsDelivery) -> ClientResult<ResultsReply> {
+        self.post("results", body).await
     }
 
     /// Uploads the frames of an attempt, from a file; repeating it is safe.

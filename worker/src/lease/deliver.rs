@@ -1,15 +1,21 @@
-//! Delivers the outbox to the server.
+//! Delivers the outbox to the server: short results together, everything else alone.
 
 use std::collections::VecDeque;
 use std::io;
+use std::path::PathBuf;
 
+use roost_api::lease::{AttemptResult, MAX_RESULTS, ResultsDelivery};
 use tokio_util::sync::CancellationToken;
 use tracing::Instrument;
 
 use super::frames;
 use super::session::Session;
 use crate::backoff::Backoff;
-use crate::outbox::Delivery;
+use crate::client::ClientError;
+use crate::outbox::{Content, Delivery, DeliveryOutcome};
+
+/// Maximum length of results that go together, in bytes of their files. A lost connection repeats at most this much.
+const MAX_TOGETHER_BYTES: u64 = 1 << 20;
 
 /// Stores a delivery in the outbox and wakes [`run`]. Where the disk cannot be written, sends it directly; repeats both until one succeeds.
 pub(super) async fn store(session: &Session, mut delivery: Delivery) {
@@ -62,53 +68,151 @@ pub(super) async fn run(session: &Session, runs_over: &CancellationToken) {
 /// Sends every waiting delivery once; returns whether the outbox is empty then.
 pub(super) async fn deliver_waiting(session: &Session) -> io::Result<bool> {
     let outbox = session.outbox.clone();
-    let (mut is_empty, mut has_warned) = (true, false);
     let mut paths = VecDeque::from(on_disk(move || outbox.waiting()).await?);
     // A pass ends its uploads after a failure: each upload has its turn to be the first.
     let first = session.uploads.failures() % paths.len().max(1);
     paths.rotate_left(first);
-    let mut uploads = frames::Pass::default();
-    while let Some(path) = paths.pop_front() {
-        let (outbox, from) = (session.outbox.clone(), path.clone());
-        let Some(delivery) = on_disk(move || outbox.read(&from)).await? else { continue };
-        let key = (delivery.job_id, delivery.attempt);
-        if !frames::upload(session, &delivery, &path, &mut uploads).await {
-            is_empty = false;
-            continue;
+    let mut pass =
+        Pass { session, paths, uploads: frames::Pass::default(), is_complete: true, has_warned: false };
+    while !pass.paths.is_empty() {
+        let group = pass.next_group().await?;
+        pass.send(group).await?;
+    }
+    Ok(pass.is_complete)
+}
+
+/// A delivery and its file in the outbox.
+type Waiting = (PathBuf, Delivery);
+
+/// One pass over the outbox.
+struct Pass<'s> {
+    session: &'s Session,
+    /// Files that this pass has yet to send.
+    paths: VecDeque<PathBuf>,
+    uploads: frames::Pass,
+    /// Whether the server has answered every delivery so far, so that none waits for the next pass.
+    is_complete: bool,
+    has_warned: bool,
+}
+
+impl Pass<'_> {
+    /// The next deliveries: results that can go together, or one that goes alone. Frames are uploaded by then. The group may be empty.
+    async fn next_group(&mut self) -> io::Result<Vec<Waiting>> {
+        let (mut group, mut bytes) = (Vec::new(), 0);
+        while group.len() < MAX_RESULTS
+            && let Some(path) = self.paths.pop_front()
+        {
+            let (outbox, from) = (self.session.outbox.clone(), path.clone());
+            let read = move || Ok((from.metadata().map_or(0, |file| file.len()), outbox.read(&from)?));
+            let (length, Some(delivery)) = on_disk(read).await? else { continue };
+            bytes += length;
+            let is_alone = delivery.frames.is_some() || matches!(delivery.content, Content::Failure(_));
+            if !group.is_empty() && (is_alone || bytes > MAX_TOGETHER_BYTES) {
+                self.paths.push_front(path);
+                break;
+            }
+            if !frames::upload(self.session, &delivery, &path, &mut self.uploads).await {
+                self.is_complete = false;
+                continue;
+            }
+            group.push((path, delivery));
+            if is_alone {
+                break;
+            }
         }
-        let span = tracing::debug_span!("delivery", job = %key.0, attempt = key.1);
-        match delivery.send(&session.client).instrument(span).await {
-            Ok(_) => {
-                let outbox = session.outbox.clone();
-                on_disk(move || outbox.remove(&path)).await?;
-            }
-            Err(error) if error.is_transient() => {
-                tracing::debug!(%error, "delivery failed; the outbox keeps it");
-                is_empty = false;
-                continue;
-            }
-            Err(error) if error.is_access_refused() => {
-                if !std::mem::replace(&mut has_warned, true) {
-                    tracing::warn!(%error, "the server refuses the token of this worker; deliveries wait in the outbox");
+        Ok(group)
+    }
+
+    /// Sends a group, and settles each delivery by its answer.
+    async fn send(&mut self, mut group: Vec<Waiting>) -> io::Result<()> {
+        if group.len() > 1 {
+            match self.send_together(&group).await {
+                Ok(answers) => {
+                    for (waiting, answer) in group.drain(..).zip(answers) {
+                        self.settle(waiting, answer).await?;
+                    }
                 }
-                is_empty = false;
-                continue;
+                Err(error) if error.is_transient() || error.is_access_refused() => {
+                    self.wait(&error);
+                    group.clear();
+                }
+                // One of them is at fault, or an older server has no such route.
+                Err(error) => tracing::debug!(%error, "results are delivered one by one"),
+            }
+        }
+        for waiting in group {
+            let delivery = &waiting.1;
+            let span = tracing::debug_span!("delivery", job = %delivery.job_id, attempt = delivery.attempt);
+            let answer = delivery.send(&self.session.client).instrument(span).await;
+            self.settle(waiting, answer).await?;
+        }
+        Ok(())
+    }
+
+    /// Sends results in one request; returns the answers in their order.
+    async fn send_together(
+        &self,
+        group: &[Waiting],
+    ) -> Result<Vec<Result<DeliveryOutcome, ClientError>>, ClientError> {
+        let result = |(_, delivery): &Waiting| match &delivery.content {
+            Content::Result(body) => Some(AttemptResult {
+                job_id: delivery.job_id,
+                attempt: delivery.attempt,
+                delivery: body.clone(),
+            }),
+            Content::Failure(_) => None,
+        };
+        let body = ResultsDelivery { results: group.iter().filter_map(result).collect() };
+        let reply = self.session.client.deliver_results(&body).await?;
+        if reply.answers.len() != group.len() {
+            let reason = format!("{} answers to {} results", reply.answers.len(), group.len());
+            return Err(ClientError::Body { server: self.session.client.server().to_owned(), reason });
+        }
+        let answers = reply.answers.into_iter().zip(group).map(|(answer, (_, delivery))| {
+            let refused = answer.problem.map(|problem| ClientError::Problem(Box::new(problem)));
+            delivery.outcome(refused.map_or(Ok(()), Err))
+        });
+        Ok(answers.collect())
+    }
+
+    /// Removes a delivery from the outbox, sets it aside or leaves it there, by the server's answer.
+    async fn settle(
+        &mut self,
+        (path, delivery): Waiting,
+        answer: Result<DeliveryOutcome, ClientError>,
+    ) -> io::Result<()> {
+        let outbox = self.session.outbox.clone();
+        match answer {
+            Ok(_) => on_disk(move || outbox.remove(&path)).await?,
+            Err(error) if error.is_transient() || error.is_access_refused() => {
+                self.wait(&error);
+                return Ok(());
             }
             Err(error) => {
                 tracing::error!(job = %delivery.job_id, %error, "the server refuses a delivery; moved it to `refused`");
-                let outbox = session.outbox.clone();
                 on_disk(move || outbox.set_aside(&path)).await?;
                 if let Some(report) = delivery.clone().as_failure(&error) {
-                    let outbox = session.outbox.clone();
-                    paths.push_front(on_disk(move || outbox.put(&report)).await?);
-                    continue;
+                    let outbox = self.session.outbox.clone();
+                    self.paths.push_front(on_disk(move || outbox.put(&report)).await?);
+                    return Ok(());
                 }
             }
         }
-        session.uploads.forget(key);
-        session.attempts.remove(key);
+        let key = (delivery.job_id, delivery.attempt);
+        self.session.uploads.forget(key);
+        self.session.attempts.remove(key);
+        Ok(())
     }
-    Ok(is_empty)
+
+    /// Notes that deliveries stay in the outbox until the next pass.
+    fn wait(&mut self, error: &ClientError) {
+        self.is_complete = false;
+        if error.is_transient() {
+            tracing::debug!(%error, "delivery failed; the outbox keeps it");
+        } else if !std::mem::replace(&mut self.has_warned, true) {
+            tracing::warn!(%error, "the server refuses the token of this worker; deliveries wait in the outbox");
+        }
+    }
 }
 
 /// Runs file work outside the async threads, since an fsync can be slow.
@@ -117,166 +221,4 @@ async fn on_disk<T: Send + 'static>(work: impl FnOnce() -> io::Result<T> + Send 
 }
 
 #[cfg(test)]
-mod tests {
-    use std::sync::{Arc, Mutex};
-
-    use roost_api::job::AttemptOutcome;
-    use roost_api::lease::ResultDelivery;
-    use roost_solver::mesh::Meshes;
-    use roost_solver::{CpuOptions, Flow, Limits, Progress, check, scenario, simulate};
-    use serde_json::json;
-
-    use super::*;
-    use crate::WorkerConfig;
-    use crate::client::RecordedFrames;
-    use crate::client::tests::{answering, answering_by};
-    use crate::outbox::Content;
-
-    /// A small result.
-    fn result() -> roost_api::RunResult {
-        let document = json!({
-            "experiment": "hopper",
-            "product": {"count": 1, "subparticle_radius_m": 0.009},
-            "equipment": {"hopper_width_m": 0.2, "side_walls": "frictionless"},
-            "numerics": {"timestep_s": "auto", "duration_s": 0.05},
-        });
-        let scenario = scenario::from_value(&document).unwrap();
-        let checked = check(&scenario, &Meshes::default(), &Limits::NONE).unwrap();
-        simulate(&checked, CpuOptions { threads: 1 }, &mut |_: &Progress| Flow::Cancel)
-    }
-
-    /// A session with one delivery in its outbox.
-    async fn session_with(server: &str, content: Content) -> (Session, tempfile::TempDir) {
-        let folder = tempfile::tempdir().unwrap();
-        let config = WorkerConfig::new(server, "worker", folder.path());
-        let session = Session::open(config, &CancellationToken::new()).unwrap();
-        let delivery = Delivery { job_id: roost_api::ids::JobId::new(), attempt: 2, content, frames: None };
-        store(&session, delivery).await;
-        (session, folder)
-    }
-
-    /// Delivers to a server that refuses every result; returns the reports that it accepts.
-    async fn reports_after_refusal(
-        status: &'static str,
-        content: Content,
-    ) -> (Vec<String>, tempfile::TempDir) {
-        let accepted = Arc::new(Mutex::new(Vec::new()));
-        let reports = accepted.clone();
-        let server = answering_by("application/problem+json", move |request| {
-            let (head, body) = request.split_once("\r\n\r\n").unwrap();
-            if head.contains("/failure http") && !body.contains("series") {
-                reports.lock().unwrap().push(body.to_owned());
-                return ("200 OK".to_owned(), "{}".to_owned());
-            }
-            let code = &status[..3];
-            let problem =
-                format!(r#"{{"type":"/problems/x","title":"x","status":{code},"detail":"over 8 MiB"}}"#);
-            (status.to_owned(), problem)
-        })
-        .await;
-        let (session, folder) = session_with(&server, content).await;
-        assert!(deliver_waiting(&session).await.unwrap(), "the outbox is empty");
-        assert!(session.outbox.waiting().unwrap().is_empty());
-        let reports = accepted.lock().unwrap().clone();
-        (reports, folder)
-    }
-
-    #[tokio::test]
-    async fn a_refused_result_becomes_a_failure_report() {
-        let worker_id = roost_api::ids::WorkerId::new();
-        for status in ["413 Payload Too Large", "400 Bad Request", "422 Unprocessable Entity"] {
-            let delivery = ResultDelivery { worker_id, result: result(), filled_by: None };
-            let (reports, _folder) = reports_after_refusal(status, Content::Result(delivery)).await;
-            assert_eq!(reports.len(), 1, "{status}");
-            assert!(reports[0].contains(r#""outcome":"worker""#), "{status}: {}", reports[0]);
-            assert!(reports[0].contains("refused the result: over 8 mib"), "{status}: {}", reports[0]);
-        }
-    }
-
-    /// Adds deliveries to an outbox, with recorded frames or without.
-    async fn add_deliveries(session: &Session, with_frames: &[bool]) {
-        for has_frames in with_frames {
-            let job_id = roost_api::ids::JobId::new();
-            let folder = session.outbox.frames_folder(job_id, 1);
-            std::fs::create_dir(&folder).unwrap();
-            std::fs::write(folder.join(roost_frames::STREAM), "frames").unwrap();
-            let frames = has_frames.then_some(RecordedFrames { count: 1, stopped: None });
-            let content = Content::Failure(failure());
-            store(session, Delivery { job_id, attempt: 1, content, frames }).await;
-        }
-    }
-
-    fn failure() -> roost_api::lease::FailureReport {
-        roost_api::lease::FailureReport {
-            worker_id: roost_api::ids::WorkerId::new(),
-            outcome: AttemptOutcome::Worker,
-            message: "stopped".to_owned(),
-            result: None,
-        }
-    }
-
-    #[tokio::test]
-    async fn after_a_failed_upload_only_deliveries_without_frames_follow() {
-        let requests = Arc::new(Mutex::new(Vec::new()));
-        let seen = requests.clone();
-        let server = answering_by("application/json", move |request| {
-            let line = request.lines().next().unwrap().to_owned();
-            let is_upload = line.starts_with("put ");
-            seen.lock().unwrap().push(line);
-            (if is_upload { "503 Service Unavailable" } else { "200 OK" }.to_owned(), "{}".to_owned())
-        })
-        .await;
-        let (session, _folder) = session_with(&server, Content::Failure(failure())).await;
-        add_deliveries(&session, &[true, false, true, true, false]).await;
-        let mut first_uploads = std::collections::HashSet::new();
-        for _ in 0..3 {
-            requests.lock().unwrap().clear();
-            assert!(!deliver_waiting(&session).await.unwrap(), "three deliveries wait");
-            assert_eq!(session.outbox.waiting().unwrap().len(), 3);
-            let uploads: Vec<_> =
-                requests.lock().unwrap().iter().filter(|line| line.starts_with("put ")).cloned().collect();
-            assert_eq!(uploads.len(), 1, "{uploads:?}");
-            first_uploads.extend(uploads);
-        }
-        assert_eq!(first_uploads.len(), 3, "the uploads take turns: {first_uploads:?}");
-    }
-
-    #[tokio::test]
-    async fn a_result_waits_for_a_valid_token() {
-        for (status, content_type) in [
-            ("401 Unauthorized", "application/problem+json"),
-            ("403 Forbidden", "application/problem+json"),
-            ("401 Unauthorized", "text/html"),
-        ] {
-            let body = match content_type {
-                "text/html" => "<h1>nginx</h1>".to_owned(),
-                _ => {
-                    format!(r#"{{"type":"/problems/x","title":"x","status":{},"detail":"no"}}"#, &status[..3])
-                }
-            };
-            let server = answering(status, content_type, &body).await;
-            let delivery = ResultDelivery {
-                worker_id: roost_api::ids::WorkerId::new(),
-                result: result(),
-                filled_by: None,
-            };
-            let (session, _folder) = session_with(&server, Content::Result(delivery)).await;
-            assert!(!deliver_waiting(&session).await.unwrap(), "{status}: it waits");
-            assert_eq!(session.outbox.waiting().unwrap().len(), 1, "{status} {content_type}");
-        }
-    }
-
-    #[tokio::test]
-    async fn a_refused_partial_result_keeps_the_outcome() {
-        let report = roost_api::lease::FailureReport {
-            worker_id: roost_api::ids::WorkerId::new(),
-            outcome: AttemptOutcome::Timeout,
-            message: "stopped".to_owned(),
-            result: Some(result()),
-        };
-        let (reports, _folder) =
-            reports_after_refusal("413 Payload Too Large", Content::Failure(report)).await;
-        assert_eq!(reports.len(), 1);
-        assert!(reports[0].contains(r#""outcome":"timeout""#), "{}", reports[0]);
-    }
-}
+mod tests;
