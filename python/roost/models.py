@@ -140,6 +140,17 @@ class AttemptDirective(TypedDict):
     """Whether `missing_samples` has entries. Older workers read this field, and send all samples again."""
 
 
+class AttemptResult(TypedDict):
+    """The result of one of several attempts."""
+
+    attempt: int
+    """Number of the attempt."""
+    delivery: ResultDelivery
+    """Its result."""
+    job_id: JobId
+    """The job."""
+
+
 class BudgetChange(TypedDict):
     """A change of a study's budget."""
 
@@ -1113,6 +1124,18 @@ class ResponseRow(TypedDict):
     """Unit; empty without one."""
 
 
+class ResultAnswer(TypedDict):
+    """The answer to the result of one attempt."""
+
+    attempt: int
+    """Number of the attempt."""
+    job_id: JobId
+    """The job."""
+    problem: NotRequired[Problem | None]
+    recorded: bool
+    """Whether this request recorded it; false for a repeat of a recorded result, and for a refused one."""
+
+
 class ResultDelivery(TypedDict):
     """The result of an attempt. Repeating the delivery is safe."""
 
@@ -1121,6 +1144,20 @@ class ResultDelivery(TypedDict):
     """The result document."""
     worker_id: WorkerId
     """The worker that ran it."""
+
+
+class ResultsDelivery(TypedDict):
+    """Results of several attempts in one request. Each is recorded or refused on its own."""
+
+    results: list[AttemptResult]
+    """The results, from 1 to 64."""
+
+
+class ResultsReply(TypedDict):
+    """The answer to results of several attempts."""
+
+    answers: list[ResultAnswer]
+    """An answer for each result, in the order of the request."""
 
 
 class RunOutcome(TypedDict):
