@@ -46,6 +46,11 @@ curl -s $R/v1/workers --json '{"worker_id": "'$WORKER'", "name": "again", "api_v
         "POST /v1/jobs/{id}/attempts/{n}/result" => {
             r#"printf '{"worker_id": "%s", "result": %s}' $WORKER "$(curl -s $R/v1/jobs/$DONE/result)" > delivery.json"#
         }
+        "POST /v1/results" => {
+            r#"JOB=$(submit)
+curl -s $R/v1/claims --json '{"request_id": "'$(cat /proc/sys/kernel/random/uuid)'", "worker_id": "'$WORKER'", "max_jobs": 1, "wait_s": 5}'
+printf '{"results": [{"job_id": "%s", "attempt": 1, "delivery": %s}]}' $JOB "$(cat delivery.json)" > deliveries.json"#
+        }
         "POST /v1/jobs/{id}/attempts/{n}/failure" => {
             r#"JOB=$(submit)
 curl -s $R/v1/claims --json '{"request_id": "'$(cat /proc/sys/kernel/random/uuid)'", "worker_id": "'$WORKER'", "max_jobs": 1, "wait_s": 5}'"#
@@ -125,6 +130,7 @@ submit() { curl -s $R/v1/jobs --json @again.json | sed -n 's/^{"id":"\([^"]*\)".
     assert_eq!(answer("POST /v1/sweeps/{id}/extend")["points"], 9, "a grid of 2 × 3 with one more gate");
     assert_eq!(answer("DELETE /v1/sweeps/{id}")["dry_run"], true);
     assert_eq!(answer("POST /v1/jobs/{id}/attempts/{n}/result")["recorded"], true);
+    assert_eq!(answer("POST /v1/results")["answers"][0]["recorded"], true);
     assert_eq!(answer("PUT /v1/jobs/{id}/attempts/{n}/checkpoint")["recorded"], true);
     assert_eq!(std::fs::read(sandbox.path("stored.checkpoint")).unwrap(), b"a checkpoint");
     // The worker stored the fill of the first job, which has the same hopper.

@@ -8,7 +8,8 @@
 //! | 2xx (recorded), 409 (stale attempt) | is removed |
 //! | 401, 403 (token) | waits for another token |
 //! | 400, 413, 422 (content) | moves to `refused/` for a person to inspect, and the attempt is reported as failed: the job does not run again and again |
-//! | any other | waits |
+//! | 404 and other refusals | moves to `refused/` |
+//! | 429, 5xx or no answer | waits |
 //!
 //! Workers may share a directory, since deliveries are safe to repeat.
 

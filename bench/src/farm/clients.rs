@@ -176,6 +176,9 @@ impl SimulatedWorker {
         let request = self.client.http.post(format!("{}/v1/results", self.client.url));
         let response = request.header("content-type", "application/json").body(body).send().await?;
         let reply: ResultsReply = success("/v1/results", response).await?.json().await?;
+        if let Some(problem) = reply.answers.iter().find_map(|answer| answer.problem.as_ref()) {
+            bail!("/v1/results: {}", problem.detail);
+        }
         Ok(reply.answers.iter().filter(|answer| answer.recorded).count() as u64)
     }
 

@@ -14,15 +14,15 @@ use super::clients::{ApiClient, MANY_SEEDS, Results, replicate_sweep, timed};
 use super::measurements::{Rows, start};
 
 const PAIRS: &str = "claim and result pairs, on disk before the answer";
-const OF_SLOTS: &str = "pairs of workers with 8 slots, results in one request";
+const OF_SLOTS: &str = "claim and result pairs, 8 in one request";
 const OF_TWO: &str = "pairs with two servers";
-const OF_TWO_WITH_SLOTS: &str = "pairs of workers with 8 slots and two servers";
+const OF_TWO_WITH_SLOTS: &str = "claim and result pairs, 8 in one request, with two servers";
 const BESIDE_A_TRANSACTION: &str = "pairs beside an open transaction, compared with before";
 
 /// Number of workers that claim and deliver at the same time.
 const WORKERS: usize = 32;
 
-/// Slots of a worker that runs several jobs.
+/// Jobs of a worker with several slots: it claims them together, and delivers their results together.
 const SLOTS: u32 = 8;
 
 /// Measures the requested rows. `hold` is the time for which a transaction stays open.

@@ -86,13 +86,24 @@ pub(crate) async fn results(
             let verdict = app.store.record_result(job_id, attempt, worker, stored?, now).await??;
             Ok::<_, ApiError>(settle(&app, job_id, AttemptOutcome::Succeeded, &verdict).recorded)
         };
-        let (recorded, problem) = match recorded.await {
+        tracing::debug!(job = %job_id, attempt, "a result arrived");
+        (job_id, attempt, recorded.await)
+    };
+    let mut recorded = join_all(encoded.into_iter().map(record)).await;
+    // A store that fails shows in the status, so that monitoring sees it.
+    if recorded.iter().all(|(.., answer)| answer.as_ref().is_err_and(ApiError::is_of_server))
+        && let Some((.., Err(failure))) = recorded.pop()
+    {
+        return Err(failure);
+    }
+    let answer = |(job_id, attempt, answer): (JobId, u32, Result<bool, ApiError>)| {
+        let (recorded, problem) = match answer {
             Ok(recorded) => (recorded, None),
             Err(refusal) => (false, Some(refusal.into_problem())),
         };
         ResultAnswer { job_id, attempt, recorded, problem }
     };
-    Ok(Json(ResultsReply { answers: join_all(encoded.into_iter().map(record)).await }))
+    Ok(Json(ResultsReply { answers: recorded.into_iter().map(answer).collect() }))
 }
 
 fn checked_result(result: &RunResult) -> Result<EncodedResult, ApiError> {

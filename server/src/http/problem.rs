@@ -104,6 +104,11 @@ impl ApiError {
         matches!(self.kind, ProblemKind::Syntax | ProblemKind::InvalidDocument)
     }
 
+    /// Whether the server failed.
+    pub(crate) fn is_of_server(&self) -> bool {
+        self.kind.status().is_server_error()
+    }
+
     /// The problem document.
     pub(crate) fn into_problem(self) -> Problem {
         Problem {

@@ -115,6 +115,11 @@ async fn requests_with_too_many_results_are_refused() {
         assert!(text(&refused["errors"][0]["allowed"]).contains("64"), "{refused}");
     }
     assert_eq!(server.job(&job["id"]).await["state"], "running");
+    let mut misspelt =
+        json!({"results": [{"job_id": attempt["job_id"], "attempt": attempt["attempt"], "delivery": {}}]});
+    misspelt["results"][0]["delivery"] = json!({"worker_id": worker.id, "results": result});
+    let refused = server.post("/v1/results", &misspelt).await.problem(422, "invalid-document");
+    assert!(text(&refused["errors"][0]["pointer"]).starts_with("/results/0/delivery"), "{refused}");
     let delivered = worker.deliver_together(&vec![(&attempt, &result); 64]).await.expect(StatusCode::OK);
     let recorded =
         delivered["answers"].as_array().unwrap().iter().filter(|answer| answer["recorded"] == true);

@@ -14,7 +14,7 @@ use crate::backoff::Backoff;
 use crate::client::ClientError;
 use crate::outbox::{Content, Delivery, DeliveryOutcome};
 
-/// Maximum length of results that go together, in bytes of their files. A lost connection repeats at most this much.
+/// Maximum length of results that go together, in bytes of their files. After a lost connection, at most this much is sent again.
 const MAX_TOGETHER_BYTES: u64 = 1 << 20;
 
 /// Stores a delivery in the outbox and wakes [`run`]. Where the disk cannot be written, sends it directly; repeats both until one succeeds.
@@ -72,49 +72,63 @@ pub(super) async fn deliver_waiting(session: &Session) -> io::Result<bool> {
     // A pass ends its uploads after a failure: each upload has its turn to be the first.
     let first = session.uploads.failures() % paths.len().max(1);
     paths.rotate_left(first);
-    let mut pass =
-        Pass { session, paths, uploads: frames::Pass::default(), is_complete: true, has_warned: false };
+    let uploads = frames::Pass::default();
+    let mut pass = OutboxPass { session, paths, uploads, is_empty: true, has_warned: false };
     while !pass.paths.is_empty() {
         let group = pass.next_group().await?;
         pass.send(group).await?;
     }
-    Ok(pass.is_complete)
+    Ok(pass.is_empty)
+}
+
+/// Whether a delivery goes in a request of its own: a failure report, or a result whose frames go first.
+fn is_alone(delivery: &Delivery) -> bool {
+    delivery.frames.is_some() || matches!(delivery.content, Content::Failure(_))
 }
 
 /// A delivery and its file in the outbox.
 type Waiting = (PathBuf, Delivery);
 
 /// One pass over the outbox.
-struct Pass<'s> {
+struct OutboxPass<'s> {
     session: &'s Session,
     /// Files that this pass has yet to send.
     paths: VecDeque<PathBuf>,
     uploads: frames::Pass,
-    /// Whether the server has answered every delivery so far, so that none waits for the next pass.
-    is_complete: bool,
+    /// Whether every delivery so far has left the outbox.
+    is_empty: bool,
     has_warned: bool,
 }
 
-impl Pass<'_> {
+impl OutboxPass<'_> {
     /// The next deliveries: results that can go together, or one that goes alone. Frames are uploaded by then. The group may be empty.
     async fn next_group(&mut self) -> io::Result<Vec<Waiting>> {
         let (mut group, mut bytes) = (Vec::new(), 0);
         while group.len() < MAX_RESULTS
             && let Some(path) = self.paths.pop_front()
         {
-            let (outbox, from) = (self.session.outbox.clone(), path.clone());
-            let read = move || Ok((from.metadata().map_or(0, |file| file.len()), outbox.read(&from)?));
-            let (length, Some(delivery)) = on_disk(read).await? else { continue };
-            bytes += length;
-            let is_alone = delivery.frames.is_some() || matches!(delivery.content, Content::Failure(_));
-            if !group.is_empty() && (is_alone || bytes > MAX_TOGETHER_BYTES) {
+            let length = tokio::fs::metadata(&path).await.map_or(0, |file| file.len());
+            if !group.is_empty() && bytes + length > MAX_TOGETHER_BYTES {
                 self.paths.push_front(path);
                 break;
             }
+            let (outbox, from) = (self.session.outbox.clone(), path.clone());
+            let delivery = match on_disk(move || outbox.read(&from)).await {
+                Ok(Some(delivery)) if group.is_empty() || !is_alone(&delivery) => delivery,
+                Ok(None) => continue,
+                Err(error) if group.is_empty() => return Err(error),
+                // The group goes first: this one goes alone, or cannot be read.
+                Ok(Some(_)) | Err(_) => {
+                    self.paths.push_front(path);
+                    break;
+                }
+            };
             if !frames::upload(self.session, &delivery, &path, &mut self.uploads).await {
-                self.is_complete = false;
+                self.is_empty = false;
                 continue;
             }
+            bytes += length;
+            let is_alone = is_alone(&delivery);
             group.push((path, delivery));
             if is_alone {
                 break;
@@ -126,17 +140,14 @@ impl Pass<'_> {
     /// Sends a group, and settles each delivery by its answer.
     async fn send(&mut self, mut group: Vec<Waiting>) -> io::Result<()> {
         if group.len() > 1 {
-            match self.send_together(&group).await {
+            let span = tracing::debug_span!("deliveries", results = group.len());
+            match self.send_together(&group).instrument(span).await {
                 Ok(answers) => {
                     for (waiting, answer) in group.drain(..).zip(answers) {
                         self.settle(waiting, answer).await?;
                     }
                 }
-                Err(error) if error.is_transient() || error.is_access_refused() => {
-                    self.wait(&error);
-                    group.clear();
-                }
-                // One of them is at fault, or an older server has no such route.
+                // One of them may be at fault, or a server or proxy may not know the route: one result must not hold back the others.
                 Err(error) => tracing::debug!(%error, "results are delivered one by one"),
             }
         }
@@ -163,9 +174,13 @@ impl Pass<'_> {
             Content::Failure(_) => None,
         };
         let body = ResultsDelivery { results: group.iter().filter_map(result).collect() };
+        for AttemptResult { job_id, attempt, .. } in &body.results {
+            tracing::debug!(job = %job_id, attempt, "delivers a result");
+        }
         let reply = self.session.client.deliver_results(&body).await?;
-        if reply.answers.len() != group.len() {
-            let reason = format!("{} answers to {} results", reply.answers.len(), group.len());
+        let answered = reply.answers.iter().map(|answer| (answer.job_id, answer.attempt));
+        if !answered.eq(body.results.iter().map(|result| (result.job_id, result.attempt))) {
+            let reason = "the answers are not those to these results".to_owned();
             return Err(ClientError::Body { server: self.session.client.server().to_owned(), reason });
         }
         let answers = reply.answers.into_iter().zip(group).map(|(answer, (_, delivery))| {
@@ -185,7 +200,7 @@ impl Pass<'_> {
         match answer {
             Ok(_) => on_disk(move || outbox.remove(&path)).await?,
             Err(error) if error.is_transient() || error.is_access_refused() => {
-                self.wait(&error);
+                self.keep(&error);
                 return Ok(());
             }
             Err(error) => {
@@ -204,9 +219,9 @@ impl Pass<'_> {
         Ok(())
     }
 
-    /// Notes that deliveries stay in the outbox until the next pass.
-    fn wait(&mut self, error: &ClientError) {
-        self.is_complete = false;
+    /// Notes that a delivery stays in the outbox until the next pass.
+    fn keep(&mut self, error: &ClientError) {
+        self.is_empty = false;
         if error.is_transient() {
             tracing::debug!(%error, "delivery failed; the outbox keeps it");
         } else if !std::mem::replace(&mut self.has_warned, true) {

@@ -62,7 +62,7 @@ pub(crate) struct Refused {
 
 /// Whether workers send requests to this path.
 fn is_worker_path(path: &str) -> bool {
-    matches!(path, "/v1/claims" | "/v1/workers")
+    matches!(path, "/v1/claims" | "/v1/results" | "/v1/workers")
         || path.starts_with("/v1/workers/") && path.ends_with("/heartbeat")
         || path.starts_with("/v1/jobs/") && path.contains("/attempts/")
 }

@@ -115,7 +115,7 @@ fn some_slots_are_reserved_for_workers() {
     let connections = Arc::new(Connections::new(64));
     let slots: Vec<_> = (0..64).map(|_| idle_slot(&connections)).collect();
     let mut permits: Vec<_> = slots[..60].iter().map(|slot| slot.begin("/").ok().unwrap()).collect();
-    for (slot, path) in slots[60..].iter().zip(["/v1/claims", "/v1/workers/7/heartbeat"]) {
+    for (slot, path) in slots[60..].iter().zip(["/v1/results", "/v1/workers/7/heartbeat"]) {
         assert!(slot.begin("/v1/workers/7/drain").is_err(), "not a path of workers");
         permits.push(slot.begin(path).ok().unwrap());
     }

@@ -72,10 +72,11 @@ async fn a_refused_result_becomes_a_failure_report() {
     }
 }
 
-/// Results that go together, and the requests that a server with this answer to `/v1/results` gets.
+/// Delivers three short results to a server with this status and answer to `/v1/results`. Returns the paths of its requests, the jobs and
+/// the refused files.
 async fn requests_for(
     together: (&'static str, impl Fn(&[String]) -> String + Clone + Send + 'static),
-) -> (Vec<String>, Session, tempfile::TempDir) {
+) -> (Vec<String>, Vec<String>, Vec<String>) {
     let requests = Arc::new(Mutex::new(Vec::new()));
     let seen = requests.clone();
     let server = answering_by("application/problem+json", move |request| {
@@ -94,16 +95,26 @@ async fn requests_for(
     let folder = tempfile::tempdir().unwrap();
     let config = WorkerConfig::new(&server, "worker", folder.path());
     let session = Session::open(config, &CancellationToken::new()).unwrap();
-    let worker_id = roost_api::ids::WorkerId::new();
+    let mut jobs = Vec::new();
     for _ in 0..3 {
-        let content = Content::Result(ResultDelivery { worker_id, result: result(), filled_by: None });
-        let job_id = roost_api::ids::JobId::new();
-        store(&session, Delivery { job_id, attempt: 1, content, frames: None }).await;
+        jobs.push(add_result(&session, result()).await);
     }
     assert!(deliver_waiting(&session).await.unwrap(), "the outbox is empty");
     assert!(session.outbox.waiting().unwrap().is_empty());
     let requests = requests.lock().unwrap().clone();
-    (requests, session, folder)
+    let outbox = std::fs::read_dir(folder.path().join("outbox")).unwrap().next().unwrap().unwrap().path();
+    let refused = std::fs::read_dir(outbox.join("refused")).unwrap();
+    let refused = refused.map(|file| file.unwrap().file_name().into_string().unwrap()).collect();
+    (requests, jobs, refused)
+}
+
+/// Adds a result to the outbox, and returns its job.
+async fn add_result(session: &Session, result: roost_api::RunResult) -> String {
+    let worker_id = roost_api::ids::WorkerId::new();
+    let content = Content::Result(ResultDelivery { worker_id, result, filled_by: None });
+    let job_id = roost_api::ids::JobId::new();
+    store(session, Delivery { job_id, attempt: 1, content, frames: None }).await;
+    job_id.to_string()
 }
 
 #[tokio::test]
@@ -117,22 +128,73 @@ async fn short_results_go_together_and_each_has_its_answer() {
         });
         json!({"answers": answers.collect::<Vec<_>>()}).to_string()
     };
-    let (requests, session, _folder) = requests_for(("200 OK", answer)).await;
-    assert_eq!(requests.len(), 2, "{requests:?}");
-    assert_eq!(requests[0], "/v1/results");
-    assert!(requests[1].ends_with("/attempts/1/failure"), "the refused result is reported: {requests:?}");
-    let refused = std::fs::read_dir(
-        session.outbox.frames_folder(roost_api::ids::JobId::new(), 1).parent().unwrap().join("refused"),
-    );
-    assert_eq!(refused.unwrap().count(), 1, "a person can inspect it");
+    let (requests, jobs, refused) = requests_for(("200 OK", answer)).await;
+    let report = format!("/v1/jobs/{}/attempts/1/failure", jobs[2]);
+    assert_eq!(requests, ["/v1/results".to_owned(), report], "the refused result is reported");
+    assert_eq!(refused, [format!("{}-1.json", jobs[2])], "a person can inspect it");
 }
 
 #[tokio::test]
-async fn results_go_one_by_one_to_an_older_server() {
-    let problem = r#"{"type":"/problems/not-found","title":"x","status":404,"detail":"there is no path"}"#;
-    let (requests, ..) = requests_for(("404 Not Found", |_: &[String]| problem.to_owned())).await;
-    assert_eq!(requests.len(), 4, "{requests:?}");
-    assert!(requests[1..].iter().all(|path| path.ends_with("/attempts/1/result")), "{requests:?}");
+async fn results_go_one_by_one_where_they_cannot_go_together() {
+    let unknown = r#"{"type":"/problems/not-found","title":"x","status":404,"detail":"there is no path"}"#;
+    let internal = r#"{"type":"/problems/internal","title":"x","status":500,"detail":"a bug"}"#;
+    let fewer = r#"{"answers": []}"#;
+    for (status, answer) in [
+        ("404 Not Found", unknown),
+        ("404 Not Found", "<h1>nginx</h1>"),
+        ("403 Forbidden", "<h1>nginx</h1>"),
+        ("500 Internal Server Error", internal),
+        ("200 OK", "<h1>nginx</h1>"),
+        ("200 OK", fewer),
+    ] {
+        let (requests, jobs, refused) = requests_for((status, |_: &[String]| answer.to_owned())).await;
+        let alone = jobs.iter().map(|job| format!("/v1/jobs/{job}/attempts/1/result"));
+        let expected: Vec<_> = std::iter::once("/v1/results".to_owned()).chain(alone).collect();
+        assert_eq!((requests, refused.len()), (expected, 0), "{status} {answer}");
+    }
+}
+
+#[tokio::test]
+async fn answers_in_another_order_settle_nothing() {
+    let answer = |jobs: &[String]| {
+        let answers = jobs
+            .iter()
+            .rev()
+            .map(|job| json!({"job_id": job, "attempt": 1, "recorded": true, "problem": null}));
+        json!({"answers": answers.collect::<Vec<_>>()}).to_string()
+    };
+    let (requests, ..) = requests_for(("200 OK", answer)).await;
+    assert_eq!(requests.len(), 4, "the results go one by one: {requests:?}");
+}
+
+#[tokio::test]
+async fn only_short_results_go_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = WorkerConfig::new("http://127.0.0.1:1", "worker", folder.path());
+    let session = Session::open(config, &CancellationToken::new()).unwrap();
+    let mut long = result();
+    for series in &mut long.series {
+        series.values = vec![0.125; 1 << 18];
+    }
+    for result in [result(), result()] {
+        add_result(&session, result).await;
+    }
+    add_deliveries(&session, &[false]).await;
+    for result in [result(), long.clone(), long, result(), result(), result()] {
+        add_result(&session, result).await;
+    }
+    let mut pass = OutboxPass {
+        session: &session,
+        paths: session.outbox.waiting().unwrap().into(),
+        uploads: frames::Pass::default(),
+        is_empty: true,
+        has_warned: false,
+    };
+    let mut sizes = Vec::new();
+    while !pass.paths.is_empty() {
+        sizes.push(pass.next_group().await.unwrap().len());
+    }
+    assert_eq!(sizes, [2, 1, 1, 1, 1, 3], "a failure report and long results go alone");
 }
 
 #[tokio::test]
@@ -140,10 +202,9 @@ async fn results_stay_in_the_outbox_while_the_server_is_unavailable() {
     let problem = r#"{"type":"/problems/unavailable","title":"x","status":503,"detail":"later"}"#;
     let server = answering("503 Service Unavailable", "application/problem+json", problem).await;
     let worker_id = roost_api::ids::WorkerId::new();
-    let content = || Content::Result(ResultDelivery { worker_id, result: result(), filled_by: None });
-    let (session, _folder) = session_with(&server, content()).await;
-    let job_id = roost_api::ids::JobId::new();
-    store(&session, Delivery { job_id, attempt: 1, content: content(), frames: None }).await;
+    let content = Content::Result(ResultDelivery { worker_id, result: result(), filled_by: None });
+    let (session, _folder) = session_with(&server, content).await;
+    add_result(&session, result()).await;
     assert!(!deliver_waiting(&session).await.unwrap(), "both wait");
     assert_eq!(session.outbox.waiting().unwrap().len(), 2);
 }
