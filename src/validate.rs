@@ -160,7 +160,7 @@ fn print_report(args: &Args, resolved: &Resolved, report: &ValidationReport) -> 
     Ok(())
 }
 
-/// A description of a mesh with its defects, such as `4800 triangles, 0.12 × 0.06 × 0.03 m, closed`.
+/// A description of a mesh with its defects and its place, such as `4800 triangles, 0.12 × 0.06 × 0.03 m, closed`.
 fn describe(mesh: &MeshReport) -> String {
     let size_m = mesh.size_m.map(format::significant).join(" × ");
     let mut text = format!("{}, {size_m} m, ", counted(mesh.triangles, "triangle"));
@@ -174,6 +174,12 @@ fn describe(mesh: &MeshReport) -> String {
     if mesh.turned_edges > 0 {
         let edges = counted(mesh.turned_edges, "edge");
         text.push_str(&format!(", {edges} between triangles that face opposite ways"));
+    }
+    if let Some([low, high]) =
+        mesh.placed_m.map(|corners| corners.map(|corner| corner.map(format::significant)))
+    {
+        let range = |axis: usize| format!("{} to {}", low[axis], high[axis]);
+        text.push_str(&format!("; it lies from x = {}, y = {}, z = {} m", range(0), range(1), range(2)));
     }
     text
 }

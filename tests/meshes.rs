@@ -107,9 +107,12 @@ fn mesh_levels_are_fetched_once_for_many_jobs() {
     });
     let path = sandbox.file("sweep.json", &sweep);
     let text = stdout(&run(&["validate", &path]));
-    for part in
-        ["8 jobs", "mesh short/part.stl: 4800 triangles, 0.1 × 0.06 × 0.03 m, closed", "long/part.stl"]
-    {
+    for part in [
+        "8 jobs",
+        "mesh short/part.stl: 4800 triangles, 0.1 × 0.06 × 0.03 m, closed\n",
+        "long/part.stl",
+        "0 × 0.2 × 0.3 m, 4 open edges; it lies from x = 0.4 to 0.4, y = 0 to 0.2, z = 0 to 0.3 m\n",
+    ] {
         assert!(text.contains(part), "{part}: {text}");
     }
     let output = sandbox.roost(&["submit", "--json", &path]);

@@ -6,6 +6,7 @@ use roost_api::mesh::{MeshFormat, MeshView, is_digest};
 use roost_api::time::Timestamp;
 use roost_api::validate::MeshReport;
 use roost_api::{Estimate, Fault};
+use roost_solver::experiments::surfaces::placed_box;
 use roost_solver::mesh::stl::binary_length;
 use roost_solver::mesh::{Mesh, MeshError, Meshes, NO_AREA_M2, Units, doubled_area};
 use roost_solver::scenario::{MeshRef, Scenario, escape};
@@ -102,11 +103,15 @@ pub(crate) fn reports(scenarios: impl Iterator<Item = Scenario>, meshes: &Meshes
     let mut reported = BTreeSet::new();
     let mut reports = Vec::new();
     for scenario in scenarios {
-        for (pointer, MeshRef { digest, units }) in scenario.named_meshes() {
+        for (pointer, named) in scenario.named_meshes() {
+            let MeshRef { digest, units } = named;
             let is_new = reported.insert((digest.clone(), *units as u8));
             let Some(Ok(mesh)) = meshes.get(digest).filter(|_| is_new).map(|stl| stl.in_units(*units)) else {
                 continue;
             };
+            // A turn by a right angle leaves numbers such as -1e-17, and their rounding a negative zero.
+            let rounded = |metres: f64| (metres * 1e9).round() / 1e9 + 0.0;
+            let placed = placed_box(&scenario, named, meshes);
             reports.push(MeshReport {
                 pointer,
                 digest: digest.clone(),
@@ -114,6 +119,7 @@ pub(crate) fn reports(scenarios: impl Iterator<Item = Scenario>, meshes: &Meshes
                 triangles: triangles(&mesh),
                 degenerate: mesh.degenerate as u64,
                 size_m: mesh.size_m().to_array(),
+                placed_m: placed.map(|(low, high)| [low, high].map(|corner| corner.to_array().map(rounded))),
                 closed: mesh.is_closed(),
                 open_edges: mesh.open_edges as u64,
                 turned_edges: mesh.turned_edges as u64,

@@ -146,6 +146,32 @@ fn a_cad_hopper_without_a_capacity_has_no_regime_and_says_why() {
 }
 
 #[test]
+fn a_hopper_from_one_file_is_checked_for_its_place() {
+    let scene = checked(&hopper(None), &Meshes::default()).setup().scene().clone();
+    let (belts, walls): (Vec<&Surface>, Vec<_>) =
+        scene.surfaces.iter().partition(|surface| surface.kind == SurfaceKind::Belt);
+    let walls: Vec<_> = walls.iter().flat_map(|surface| surface.triangles.clone()).collect();
+    let mut meshes = Meshes::default();
+    let part = meshes.insert(&stl::binary(&walls)).expect("a sound file");
+    let belt = named(belts[0], &stl::binary(&belts[0].triangles), &mut meshes);
+    let warnings = |position_m: [f64; 3], yaw: f64| {
+        let part = json!({"name": "hopper", "mesh": {"digest": part, "units": "m"}, "position_m": position_m,
+                          "orientation_deg": [yaw, 0, 0]});
+        let mut document = json!(hopper(Some(vec![belt.clone(), part])));
+        document["product"] = json!({"count": 1, "spheres": true, "subparticle_radius_m": 0.008});
+        let scenario = scenario::from_value(&document).expect("a sound scenario");
+        let messages = checked(&scenario, &meshes).into_estimate().warnings;
+        messages.into_iter().filter(|message| message.contains("lines from its middle")).collect::<Vec<_>>()
+    };
+    // The back wall slopes out, and the walls go on past the height of the hopper.
+    assert_eq!(warnings([0.0; 3], 0.0), [""; 0]);
+    let beside = warnings([0.0, 0.1, 0.0], 0.0);
+    assert!(beside[0].contains("Towards -y, 15 of 15 lines meet no wall."), "{beside:?}");
+    let turned = warnings([0.0; 3], 180.0);
+    assert!(turned[0].contains("Towards +y, 15 of 15 lines meet no wall."), "{turned:?}");
+}
+
+#[test]
 fn a_product_from_stl_falls_like_the_body_it_describes() {
     let size = DVec3::new(0.064, 0.048, 0.032);
     let mut meshes = Meshes::default();

@@ -239,8 +239,24 @@ async fn validation_reports_each_mesh() {
     assert_eq!(
         meshes[1],
         json!({"pointer": "/product/mesh", "digest": large, "units": "mm", "triangles": 12, "degenerate": 0,
-               "size_m": [0.15, 0.08, 0.03], "closed": true, "open_edges": 0, "turned_edges": 0})
+               "size_m": [0.15, 0.08, 0.03], "placed_m": null, "closed": true, "open_edges": 0, "turned_edges": 0})
     );
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn validation_reports_where_a_mesh_lies() {
+    let (server, _dir) = TestServer::start().await;
+    let wall = digest_of(&server, binary(&wall(200.0, 300.0))).await;
+    let mut document = scenario(1);
+    document["equipment"]["surfaces"] = json!([
+        {"name": "turned", "mesh": {"digest": wall, "units": "mm"}, "position_m": [0.5, 0.1, -0.3], "orientation_deg": [90, 0, 0],
+         "motion": "moving", "spin_deg_s": [0, 0, 10], "pivot_m": [2, 2, 2]},
+        {"name": "next", "mesh": {"digest": wall, "units": "mm"}, "position_m": [0.7, 0, 0]}]);
+    let report = server.post("/v1/validate", &document).await.expect(StatusCode::OK);
+    assert_eq!(report["meshes"].as_array().unwrap().len(), 1, "{report}");
+    // A quarter turn moves +y to -x, before the move.
+    assert_eq!(report["meshes"][0]["placed_m"], json!([[0.3, 0.1, -0.3], [0.5, 0.1, 0.0]]), "{report}");
     server.stop().await;
 }
 

@@ -11,6 +11,7 @@ mod compress;
 mod definition;
 mod drop;
 mod energy;
+mod filling;
 mod hopper;
 mod interpenetration;
 pub mod laws;

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::placement::orientation;
 use crate::equipment::{Motion, Presence, Surface, SurfaceKind};
 use crate::mesh::Meshes;
-use crate::scenario::{MotionKind, PresenceKind, SurfaceMaterial, SurfaceSpec};
+use crate::scenario::{MeshRef, MotionKind, PresenceKind, Scenario, SurfaceMaterial, SurfaceSpec};
 
 /// The surfaces of a list, in its order. Their meshes must be among `meshes`, as [`crate::check()`] makes sure.
 pub fn surfaces(specs: &[SurfaceSpec], meshes: &Meshes) -> Vec<Surface> {
@@ -71,4 +71,13 @@ pub fn extent(surfaces: &[Surface]) -> Option<(DVec3, DVec3)> {
         surface.triangles.iter().flatten().copied().chain(pivot)
     });
     points.map(|point| (point, point)).reduce(|(low, high), (a, b)| (low.min(a), high.max(b)))
+}
+
+/// The box around the first surface that names a mesh, after its orientation and position: its lowest and highest corner in metres. None without such
+/// a surface.
+pub fn placed_box(scenario: &Scenario, named: &MeshRef, meshes: &Meshes) -> Option<(DVec3, DVec3)> {
+    let (_, specs) = scenario.experiment.section().surfaces();
+    let spec = specs.iter().find(|spec| spec.mesh.as_ref() == Some(named))?;
+    // A surface that turns need not contain its pivot.
+    extent(&[Surface { motion: Motion::Fixed, ..surface(spec, meshes) }])
 }

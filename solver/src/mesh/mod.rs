@@ -1,12 +1,13 @@
 //! Triangles from CAD files, and geometry of triangles.
 //!
 //! [`stl`] reads a file, [`Meshes`] stores files by digest, [`Mesh`] is a file in metres with its properties.
-//! [`mod@weld`], [`bvh`], [`nearest`] and [`mod@winding`] also serve the surfaces that experiments make.
+//! [`mod@weld`], [`bvh`], [`nearest`], [`ray`] and [`mod@winding`] also serve the surfaces that experiments make.
 
 pub mod bvh;
 mod collection;
 mod error;
 pub mod nearest;
+pub mod ray;
 pub mod stl;
 pub mod weld;
 pub mod winding;

@@ -13,20 +13,19 @@ mod monitor;
 mod opening;
 mod scene;
 
-use glam::DVec2;
 use serde_json::Value;
 
+use super::filling::floor;
 use super::loads::LOADS;
 use super::outputs::{
     BONDS_INTACT, BONDS_INTACT_FRACTION, ESCAPED_KG, KINETIC_ENERGY, KINETIC_ENERGY_END_J, MAX_OVERLAP_RATIO,
     PASSED_THROUGH, boolean, curve, indicator, number, series, word,
 };
-use super::placement::Floor;
 use super::warnings::{WARNING_CODES, WARNING_COUNT};
 use super::{CurveRow, Definition, Outputs, ResponseDefinition, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::{BodyKind, Scene};
-use crate::scenario::{Equipment, Fault, Numerics, Scenario, SideWalls};
+use crate::scenario::{Equipment, Fault, Numerics, Scenario};
 
 /// Distance beyond the gate at which a fillet that has wholly passed it leaves the simulation, in metres.
 const GONE_BEYOND_M: f64 = 0.25;
@@ -237,15 +236,5 @@ impl Definition for Equipment {
 
     fn start_faults(&self, setup: &Setup) -> Vec<Fault> {
         checks::start_faults(setup, self)
-    }
-}
-
-/// The floor of the hopper.
-fn floor(equipment: &Equipment) -> Floor {
-    let half = equipment.hopper_width_m / 2.0;
-    Floor {
-        low: DVec2::new(-equipment.hopper_length_m, -half),
-        high: DVec2::new(0.0, half),
-        periodic_y: equipment.side_walls == SideWalls::Periodic,
     }
 }

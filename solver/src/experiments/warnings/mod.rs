@@ -64,6 +64,17 @@ const SOFT_TISSUE: WarningKind = kind(
     "Check that the value of /material/youngs_modulus_pa is in pascals (Pa). If the value is correct, bodies may sink through the floor: \
      simulate with a higher modulus.",
 );
+const OPEN_FILLING_REGION: WarningKind = kind(
+    "open_filling_region",
+    "The field `/equipment/parametric` is false, and the walls do not enclose the region into which the fillets drop. The region lies behind \
+     the gate plane x = 0. Its length is `/equipment/hopper_length_m`, and its width is `/equipment/hopper_width_m`. Roost draws horizontal \
+     lines from the middle of the region towards −x, −y and +y, in the lower half of the hopper. Some lines meet no wall, or all lines at a \
+     place meet a wall that is more than R inside the region. The usual reason is a part in a wrong position. Fillets then fall beside the \
+     hopper.",
+    "With the command `roost validate`, compare the position of each part with the region. Then correct position_m or orientation_deg of \
+     the part in /equipment/surfaces. If the part is in the right position, correct /equipment/hopper_length_m, /equipment/hopper_width_m \
+     or /equipment/hopper_height_m. If your hopper has no wall there, you can ignore the warning.",
+);
 const SLOW_BELT: WarningKind = kind(
     "slow_belt",
     "The jam time is the shorter one of the times `/numerics/jam_after_s` and `/numerics/stop/when_jammed_s`. If \
@@ -146,6 +157,7 @@ pub const ALL_WARNINGS: &[&WarningKind] = &[
     &WHOLE_SPHERES,
     &THIN_FILLET,
     &SOFT_TISSUE,
+    &OPEN_FILLING_REGION,
     &SLOW_BELT,
     &TEST_NEVER_BEGAN,
     &NO_REGIME,

@@ -1,9 +1,10 @@
-//! Warnings that need no run: time step, fill of the lattice, tissue too soft for its own weight, and a belt too slow for the time of a jam.
+//! Warnings that need no run: time step, fill of the lattice, tissue too soft for its own weight, walls in a wrong place, and a belt too slow for the time of a jam.
 
-use super::{SLOW_BELT, SOFT_TISSUE, THIN_FILLET, UNSTABLE_TIMESTEP, WHOLE_SPHERES};
+use super::{OPEN_FILLING_REGION, SLOW_BELT, SOFT_TISSUE, THIN_FILLET, UNSTABLE_TIMESTEP, WHOLE_SPHERES};
 use crate::engine::scene::BodyKind;
 use crate::experiments::Setup;
 use crate::experiments::belt::belt_speed_m_s;
+use crate::experiments::filling::{Side, heights_m, sides};
 use crate::physics::hertz::tissue_on_rigid;
 use crate::result::Warning;
 use crate::scenario::{Experiment, Fill, Scenario};
@@ -21,10 +22,8 @@ const SHORTEST_WAY_RATIO: f64 = 3.0;
 
 /// The warnings of a scenario.
 pub fn of_scenario(setup: &Setup) -> Vec<Warning> {
-    [timestep(setup), whole_spheres(setup), thin_fillet(setup), soft_tissue(setup), slow_belt(setup)]
-        .into_iter()
-        .flatten()
-        .collect()
+    let rules = [timestep, whole_spheres, thin_fillet, soft_tissue, open_filling_region, slow_belt];
+    rules.into_iter().filter_map(|rule| rule(setup)).collect()
 }
 
 fn timestep(setup: &Setup) -> Option<Warning> {
@@ -79,6 +78,36 @@ fn soft_tissue(setup: &Setup) -> Option<Warning> {
         material.youngs_modulus_pa,
     );
     (ratio > SOFT_OVERLAP_RATIO).then(|| SOFT_TISSUE.with(&figures))
+}
+
+/// A hopper of own surfaces whose walls do not enclose the floor, as where a part is in a wrong place.
+fn open_filling_region(setup: &Setup) -> Option<Warning> {
+    let Experiment::Hopper { equipment } = &setup.scenario.experiment else { return None };
+    if equipment.parametric {
+        return None;
+    }
+    let faulty: Vec<String> = sides(equipment, setup.scene()).iter().flat_map(faults_of_side).collect();
+    let ([low, _, high], half_m) = (heights_m(equipment), equipment.hopper_width_m / 2.0);
+    let figures = format!(
+        "Fillets drop into the region from x = {:.3} to 0 m and y = {:.3} to {half_m:.3} m. Roost drew horizontal lines from its middle, \
+         at heights of {low:.3} to {high:.3} m. {}",
+        -equipment.hopper_length_m,
+        -half_m,
+        faulty.join(" "),
+    );
+    (!faulty.is_empty()).then(|| OPEN_FILLING_REGION.with(&figures))
+}
+
+/// What is wrong with the walls on one side, in sentences.
+fn faults_of_side(side: &Side) -> Vec<String> {
+    let Side { direction, lines, open, inside, deepest_m } = side;
+    let open = (*open > 0).then(|| format!("Towards {direction}, {open} of {lines} lines meet no wall."));
+    let inside = (*inside > 0).then(|| {
+        format!(
+            "Towards {direction}, {inside} of {lines} lines meet a wall inside the region, up to {deepest_m:.3} m from its border."
+        )
+    });
+    open.into_iter().chain(inside).collect()
 }
 
 /// A belt at rest carries nothing, so that a jam is no error there.

@@ -144,6 +144,115 @@ fn belt_too_slow_for_jam_detection_has_a_warning() {
     assert!(!is_slow(&of(0.0, json!({}))));
 }
 
+/// A hopper of plates, 0.3 m long, 0.15 m wide and 0.5 m high, with other fields of all its parts but the belt.
+fn plates(part: &Value) -> Value {
+    let plate = |name: &str, corner: [f64; 3], u: [f64; 3], v: [f64; 3]| {
+        let mut plate = json!({"name": name, "plate_m": [corner, u, v]});
+        plate.as_object_mut().unwrap().extend(part.as_object().unwrap().clone());
+        plate
+    };
+    let (along, across) = ([0.3, 0.0, 0.0], [0.0, 0.15, 0.0]);
+    let mut shutter = plate("shutter", [0.0, -0.075, 0.0], across, [0.0, 0.0, 0.06]);
+    shutter["presence"] = json!("until_start");
+    let belt = json!({"name": "belt", "plate_m": [[-0.4, -0.3, 0], [1.4, 0, 0], [0, 0.6, 0]], "kind": "belt", "motion": "belt",
+                      "velocity_m_s": [0.25, 0, 0]});
+    let surfaces = json!([
+        plate("back", [-0.3, -0.075, 0.0], across, [0.0, 0.0, 0.5]),
+        plate("left", [-0.3, -0.075, 0.0], along, [0.0, 0.0, 0.5]),
+        plate("right", [-0.3, 0.075, 0.0], along, [0.0, 0.0, 0.5]),
+        plate("gate", [0.0, -0.075, 0.06], across, [0.0, 0.0, 0.44]),
+        shutter,
+        belt,
+    ]);
+    // The only sphere lies at x = -0.135 and y = -0.039 m, away from all walls in wrong places.
+    json!({
+        "experiment": "hopper",
+        "seed": 11,
+        "product": {"count": 1, "spheres": true, "subparticle_radius_m": 0.008},
+        "equipment": {"parametric": false, "hopper_length_m": 0.3, "hopper_width_m": 0.15, "hopper_height_m": 0.5, "surfaces": surfaces},
+    })
+}
+
+/// Message of the warning about the walls around the floor.
+fn open_region(document: &Value) -> Option<String> {
+    let warnings = checked(document).warnings().to_vec();
+    warnings.into_iter().find(|warning| warning.code == "open_filling_region").map(|warning| warning.message)
+}
+
+/// The sentences of the warning for numbers of lines on each side, and the distance of a wall in the region from its border.
+fn faults_of_sides(sides: &[(&str, usize, usize, &str)]) -> String {
+    let mut sentences = String::new();
+    for (side, open, inside, depth) in sides {
+        if *open > 0 {
+            sentences += &format!(" Towards {side}, {open} of 15 lines meet no wall.");
+        }
+        if *inside > 0 {
+            sentences += &format!(
+                " Towards {side}, {inside} of 15 lines meet a wall inside the region, up to {depth} m from its border."
+            );
+        }
+    }
+    sentences
+}
+
+#[test]
+fn a_hopper_of_plates_beside_its_filling_region_has_a_warning_with_the_figures() {
+    let at = |x: f64, y: f64| json!({"position_m": [x, y, 0.0]});
+    for part in [json!({}), at(0.007, 0.0), at(0.0, 0.007), at(0.0, -0.007), at(-0.02, 0.0)] {
+        assert_eq!(open_region(&plates(&part)), None, "{part}");
+    }
+    // About the middle of the region, so that the walls are 0.15 m apart in x and 0.3 m in y.
+    let turned = json!({"position_m": [-0.15, 0.15, 0.0], "orientation_deg": [90.0, 0.0, 0.0]});
+    let cases: [(Value, &[_]); 6] = [
+        (at(0.0, 0.1), &[("-x", 9, 0, ""), ("-y", 15, 0, ""), ("+y", 0, 15, "0.050")]),
+        (at(0.0, -0.009), &[("-y", 0, 0, ""), ("+y", 0, 15, "0.009")]),
+        (at(-0.1, 0.0), &[("-y", 6, 0, ""), ("+y", 6, 0, "")]),
+        (at(0.1, 0.0), &[("-x", 0, 15, "0.100"), ("-y", 6, 0, ""), ("+y", 6, 0, "")]),
+        (turned, &[("-x", 0, 15, "0.075"), ("-y", 6, 0, ""), ("+y", 6, 0, "")]),
+        (json!({"position_m": [0.0, 0.0, 0.05]}), &[("-x", 5, 0, ""), ("-y", 5, 0, ""), ("+y", 5, 0, "")]),
+    ];
+    for (part, sides) in cases {
+        let message = open_region(&plates(&part)).unwrap_or_else(|| panic!("{part}"));
+        let place = "from x = -0.300 to 0 m and y = -0.075 to 0.075 m";
+        let drawn = "at heights of 0.042 to 0.208 m.";
+        let figures = format!("{drawn}{} With the command", faults_of_sides(sides));
+        assert!(message.contains(place) && message.contains(&figures), "{part}: {message}\n{figures}");
+    }
+}
+
+#[test]
+fn only_walls_at_the_border_close_the_filling_region() {
+    let mut hopper = plates(&json!({}));
+    let sound = hopper.clone();
+    let towards = |hopper: &Value, sides: &[_]| {
+        let message = open_region(hopper).expect("a warning");
+        assert!(message.contains(&format!("m.{} With", faults_of_sides(sides))), "{message}");
+    };
+    hopper["equipment"]["surfaces"][1]["kind"] = json!("belt");
+    towards(&hopper, &[("-y", 15, 0, "")]);
+    // A wall that counts until the belt starts.
+    hopper["equipment"]["surfaces"][1] = sound["equipment"]["surfaces"][1].clone();
+    hopper["equipment"]["surfaces"][1]["presence"] = json!("until_start");
+    assert_eq!(open_region(&hopper), None);
+    // A chute in front of the lowest lines leaves the wall free above.
+    let chute = json!({"name": "chute", "plate_m": [[-0.3, 0.03, 0.0], [0.3, 0, 0], [0, 0.045, 0.1]]});
+    let mut chuted = sound.clone();
+    chuted["equipment"]["surfaces"].as_array_mut().unwrap().push(chute);
+    assert_eq!(open_region(&chuted), None);
+    // A periodic hopper has no side walls, and its other surfaces go past the seams.
+    let mut periodic = sound;
+    periodic["equipment"]["side_walls"] = json!("periodic");
+    let surfaces = periodic["equipment"]["surfaces"].as_array_mut().unwrap();
+    surfaces.drain(1..3);
+    for surface in surfaces.iter_mut().filter(|surface| surface["name"] != "belt") {
+        surface["plate_m"][0][1] = json!(-0.2);
+        surface["plate_m"][1] = json!([0.0, 0.4, 0.0]);
+    }
+    assert_eq!(open_region(&periodic), None);
+    periodic["equipment"]["surfaces"][0]["position_m"] = json!([0.1, 0.0, 0.0]);
+    towards(&periodic, &[("-x", 0, 15, "0.100")]);
+}
+
 #[test]
 fn warnings_count_fed_fillets_only_after_they_enter() {
     let of = |feed_kg_s: f64| {
