@@ -57,9 +57,11 @@ impl Farm {
             options.extend(["--database", database]);
         }
         let (sandbox, name) = self.place(index);
+        let is_last = index + 1 == self.processes.len();
         let process = match index < self.sandboxes.len() {
             true => sandbox.start_server_with(&options),
-            false => sandbox.start_worker_at(&self.network.address, &name, "1"),
+            // The results of several slots go together.
+            false => sandbox.start_worker_at(&self.network.address, &name, if is_last { "4" } else { "1" }),
         };
         self.processes[index] = Some(process);
     }
@@ -238,8 +240,10 @@ fn disturb_servers(servers: usize, postgres: Option<(Cluster, String)>) {
     assert_nothing_lost(&farm, &jobs);
     let refused = network.journal().iter().filter(|passed| **passed == Passed::Refused).count();
     let claimed = network.journal().iter().filter(|passed| matches!(passed, Passed::Claimed { .. })).count();
+    let together = network.journal().iter().filter(|passed| **passed == Passed::Together).count();
     eprintln!(
-        "{done} kills, {stops} stops and {set} clocks set in {:.0} s: {} jobs in {claimed} claims, {refused} stale writes refused",
+        "{done} kills, {stops} stops and {set} clocks set in {:.0} s: {} jobs in {claimed} claims, {refused} stale writes refused, \
+         {together} requests with several results",
         started.elapsed().as_secs_f64(),
         jobs.len()
     );
@@ -260,7 +264,7 @@ fn assert_nothing_lost(farm: &Farm, jobs: &[Value]) {
                 *newest = attempt.max(*newest);
             }
             Passed::Recorded { job, attempt } => recorded.entry(job).or_default().push(attempt),
-            Passed::Refused => {}
+            Passed::Refused | Passed::Together => {}
         }
     }
     let twice: Vec<_> = recorded.iter().filter(|(_, attempts)| attempts.len() > 1).collect();

@@ -21,6 +21,8 @@ pub(crate) enum Passed {
     Recorded { job: String, attempt: u64 },
     /// The server has refused a stale write.
     Refused,
+    /// The server has answered a request with several results.
+    Together,
 }
 
 /// A faulty proxy in front of a server or several, which ends with the process of the test.
@@ -114,12 +116,24 @@ impl Shared {
             .and_then(|(_, body)| serde_json::from_str(body).ok())
             .unwrap_or_default();
         let mut journal = self.journal.lock().unwrap();
+        let attempt_of =
+            |row: &Value| (row["job_id"].as_str().unwrap().to_owned(), row["attempt"].as_u64().unwrap());
         if path == "/v1/claims" {
             for row in body["attempts"].as_array().into_iter().flatten() {
-                let (job, attempt) =
-                    (row["job_id"].as_str().unwrap().to_owned(), row["attempt"].as_u64().unwrap());
+                let (job, attempt) = attempt_of(row);
                 journal.push(Passed::Claimed { job, attempt });
             }
+        }
+        if path == "/v1/results" {
+            for row in body["answers"].as_array().into_iter().flatten() {
+                let (job, attempt) = attempt_of(row);
+                match row["problem"]["status"].as_u64() {
+                    Some(409) => journal.push(Passed::Refused),
+                    _ if row["recorded"] == true => journal.push(Passed::Recorded { job, attempt }),
+                    _ => {}
+                }
+            }
+            journal.push(Passed::Together);
         }
         let Some(rest) = path.strip_prefix("/v1/jobs/") else { return };
         let mut parts = rest.split('/');
