@@ -54,7 +54,7 @@ pub struct MeshReport {
     /// Size of its bounding box in x, y and z, in metres.
     pub size_m: [f64; 3],
     /// Lowest and highest corner of its box in the axes of the scenario, in metres, after `orientation_deg` and `position_m` of the first
-    /// surface that names it. Rounded to a nanometre. Null for the shape of a product.
+    /// surface that names it. Rounded to a micrometre. Null for the shape of a product.
     #[serde(default)]
     pub placed_m: Option<[[f64; 3]; 2]>,
     /// Whether it encloses a volume, without open edges.

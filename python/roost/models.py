@@ -700,7 +700,7 @@ class MeshReport(TypedDict):
     """Edges of an odd number of triangles, as at holes."""
     placed_m: NotRequired[list[list[float]] | None]
     """Lowest and highest corner of its box in the axes of the scenario, in metres, after `orientation_deg` and
-    `position_m` of the first surface that names it. Rounded to a nanometre. Null for the shape of a product."""
+    `position_m` of the first surface that names it. Rounded to a micrometre. Null for the shape of a product."""
     pointer: str
     """Pointer of the first field that names it."""
     size_m: list[float]

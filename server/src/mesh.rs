@@ -109,8 +109,8 @@ pub(crate) fn reports(scenarios: impl Iterator<Item = Scenario>, meshes: &Meshes
             let Some(Ok(mesh)) = meshes.get(digest).filter(|_| is_new).map(|stl| stl.in_units(*units)) else {
                 continue;
             };
-            // A turn by a right angle leaves numbers such as -1e-17, and their rounding a negative zero.
-            let rounded = |metres: f64| (metres * 1e9).round() / 1e9 + 0.0;
+            // Files have numbers of 32 bits, and a turn by a right angle leaves numbers such as -1e-17.
+            let rounded = |metres: f64| (metres * 1e6).round() / 1e6 + 0.0;
             let placed = placed_box(&scenario, named, meshes);
             reports.push(MeshReport {
                 pointer,

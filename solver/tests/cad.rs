@@ -147,7 +147,10 @@ fn a_cad_hopper_without_a_capacity_has_no_regime_and_says_why() {
 
 #[test]
 fn a_hopper_from_one_file_is_checked_for_its_place() {
-    let scene = checked(&hopper(None), &Meshes::default()).setup().scene().clone();
+    let mut sloping = json!(hopper(None));
+    sloping["equipment"]["wall_slope_deg"] = json!(20);
+    let sloping = scenario::from_value(&sloping).expect("a sound scenario");
+    let scene = checked(&sloping, &Meshes::default()).setup().scene().clone();
     let (belts, walls): (Vec<&Surface>, Vec<_>) =
         scene.surfaces.iter().partition(|surface| surface.kind == SurfaceKind::Belt);
     let walls: Vec<_> = walls.iter().flat_map(|surface| surface.triangles.clone()).collect();
@@ -166,9 +169,13 @@ fn a_hopper_from_one_file_is_checked_for_its_place() {
     // The back wall slopes out, and the walls go on past the height of the hopper.
     assert_eq!(warnings([0.0; 3], 0.0), [""; 0]);
     let beside = warnings([0.0, 0.1, 0.0], 0.0);
-    assert!(beside[0].contains("Towards -y, 15 of 15 lines meet no wall."), "{beside:?}");
+    assert!(beside[0].contains("Towards -y, 18 of 18 lines meet no wall nearby."), "{beside:?}");
     let turned = warnings([0.0; 3], 180.0);
-    assert!(turned[0].contains("Towards +y, 15 of 15 lines meet no wall."), "{turned:?}");
+    assert!(turned[0].contains("Towards +y, 18 of 18 lines meet no wall nearby."), "{turned:?}");
+    // At 5/12 of 0.5 m the wall leans out by 0.076 m, farther than it is shifted.
+    let shifted = warnings([0.07, 0.0, 0.0], 0.0);
+    let inside = "Towards -x, 12 of 18 lines meet a wall inside the region, up to 0.055 m from its border.";
+    assert!(shifted[0].contains(inside), "{shifted:?}");
 }
 
 #[test]

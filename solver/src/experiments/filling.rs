@@ -4,14 +4,17 @@ use glam::{DVec2, DVec3};
 
 use super::placement::Floor;
 use crate::engine::scene::Scene;
-use crate::equipment::{Motion, Surface, SurfaceKind};
+use crate::equipment::Motion;
 use crate::mesh::ray::first_hit;
 use crate::scenario::{Equipment, SideWalls};
 
 /// Heights of the lines, as shares of the height of the hopper: in its lower half, where the bed lies.
 const HEIGHTS: [f64; 3] = [1.0 / 12.0, 3.0 / 12.0, 5.0 / 12.0];
-/// Places of lines along each side, in the middles of equal parts.
-const PLACES: usize = 5;
+/// Places of lines along each side, in the middles of equal parts. Their number is even: CAD parts often meet in the middle.
+const PLACES: usize = 6;
+/// Distance of a wall from the middle, over that of the border, from which it is the wall of something else, such as a housing. Walls
+/// that lean out may be farther away at greater heights.
+const FARTHEST_AT_LOWEST: f64 = 2.0;
 
 /// The floor of the hopper.
 pub(super) fn floor(equipment: &Equipment) -> Floor {
@@ -35,7 +38,7 @@ pub(super) struct Side {
     pub(super) direction: &'static str,
     /// Number of lines.
     pub(super) lines: usize,
-    /// Lines that meet no wall.
+    /// Lines that meet no wall nearby.
     pub(super) open: usize,
     /// Lines that meet a wall over the floor.
     pub(super) inside: usize,
@@ -54,15 +57,18 @@ pub(super) fn sides(equipment: &Equipment, scene: &Scene) -> Vec<Side> {
         for place in 0..PLACES {
             let share = (2 * place + 1) as f64 / PLACES as f64 - 1.0;
             let start = middle + share * half * way.perp();
-            let met = levels.iter().filter_map(|(height, walls)| {
+            let met = levels.iter().enumerate().filter_map(|(level, (height, walls))| {
+                let farthest = if level == 0 { FARTHEST_AT_LOWEST * border } else { f64::INFINITY };
                 first_hit(walls.iter().copied(), start.extend(*height), way.extend(0.0))
+                    .filter(|distance| *distance <= farthest)
             });
             let depths: Vec<f64> = met.map(|distance| border - distance).collect();
             side.open += HEIGHTS.len() - depths.len();
-            // A wall that leans in, or a part in the hopper, leaves the border free at another height.
-            if depths.iter().all(|depth| *depth > scene.radius_m) {
-                side.inside += depths.len();
-                side.deepest_m = depths.into_iter().fold(side.deepest_m, f64::max);
+            // A wall that leans in, or a part in the hopper, is inside at one height only.
+            let inside: Vec<f64> = depths.into_iter().filter(|depth| *depth > scene.radius_m).collect();
+            if inside.len() > 1 {
+                side.inside += inside.len();
+                side.deepest_m = inside.into_iter().fold(side.deepest_m, f64::max);
             }
         }
         side
@@ -76,14 +82,9 @@ pub(super) fn sides(equipment: &Equipment, scene: &Scene) -> Vec<Side> {
 
 /// The triangles of the walls that reach a height while the hopper fills. Of a large mesh, these are few.
 fn walls_at(scene: &Scene, height: f64) -> Vec<&[DVec3; 3]> {
-    let walls = scene.surfaces.iter().filter(|surface| !is_belt(surface));
+    let walls = scene.surfaces.iter().filter(|surface| !matches!(surface.motion, Motion::Belt { .. }));
     let reaches = |triangle: &&[DVec3; 3]| {
         triangle.iter().any(|corner| corner.z >= height) && triangle.iter().any(|corner| corner.z <= height)
     };
     walls.flat_map(|surface| surface.triangles_at(None)).filter(reaches).collect()
-}
-
-/// Whether a surface carries fillets, and so is no wall.
-fn is_belt(surface: &Surface) -> bool {
-    surface.kind == SurfaceKind::Belt || matches!(surface.motion, Motion::Belt { .. })
 }

@@ -95,6 +95,15 @@ impl ClientError {
         }
     }
 
+    /// Whether no server listens, or the server says that it cannot take requests now.
+    pub fn is_overload(&self) -> bool {
+        match self {
+            Self::Unreachable { is_refused, .. } => *is_refused,
+            Self::Problem(problem) => matches!(problem.status, 429 | 503 | 507),
+            _ => false,
+        }
+    }
+
     /// Whether the server refuses the token: it was revoked, or lacks a scope. The same call may succeed with another token.
     pub fn is_access_refused(&self) -> bool {
         match self {

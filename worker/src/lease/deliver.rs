@@ -147,6 +147,11 @@ impl OutboxPass<'_> {
                         self.settle(waiting, answer).await?;
                     }
                 }
+                // More requests would not help now.
+                Err(error) if error.is_overload() => {
+                    self.keep(&error);
+                    group.clear();
+                }
                 // One of them may be at fault, or a server or proxy may not know the route: one result must not hold back the others.
                 Err(error) => tracing::debug!(%error, "results are delivered one by one"),
             }
@@ -180,7 +185,7 @@ impl OutboxPass<'_> {
         let reply = self.session.client.deliver_results(&body).await?;
         let answered = reply.answers.iter().map(|answer| (answer.job_id, answer.attempt));
         if !answered.eq(body.results.iter().map(|result| (result.job_id, result.attempt))) {
-            let reason = "the answers are not those to these results".to_owned();
+            let reason = "the answers name other attempts than the request".to_owned();
             return Err(ClientError::Body { server: self.session.client.server().to_owned(), reason });
         }
         let answers = reply.answers.into_iter().zip(group).map(|(answer, (_, delivery))| {

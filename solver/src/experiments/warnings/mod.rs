@@ -68,12 +68,11 @@ const OPEN_FILLING_REGION: WarningKind = kind(
     "open_filling_region",
     "The field `/equipment/parametric` is false, and the walls do not enclose the region into which the fillets drop. The region lies behind \
      the gate plane x = 0. Its length is `/equipment/hopper_length_m`, and its width is `/equipment/hopper_width_m`. Roost draws horizontal \
-     lines from the middle of the region towards −x, −y and +y, in the lower half of the hopper. Some lines meet no wall, or all lines at a \
-     place meet a wall that is more than R inside the region. The usual reason is a part in a wrong position. Fillets then fall beside the \
-     hopper.",
+     lines from the middle of the region towards −x, −y and +y, in the lower half of the hopper. Some lines meet no wall nearby, or meet a wall \
+     that is more than R inside the region at two of three heights. The usual reason is a part in a wrong position.",
     "With the command `roost validate`, compare the position of each part with the region. Then correct position_m or orientation_deg of \
      the part in /equipment/surfaces. If the part is in the right position, correct /equipment/hopper_length_m, /equipment/hopper_width_m \
-     or /equipment/hopper_height_m. If your hopper has no wall there, you can ignore the warning.",
+     or /equipment/hopper_height_m. If your hopper has no wall there, or has a part inside, you can ignore the warning.",
 );
 const SLOW_BELT: WarningKind = kind(
     "slow_belt",

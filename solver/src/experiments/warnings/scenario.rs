@@ -101,7 +101,8 @@ fn open_filling_region(setup: &Setup) -> Option<Warning> {
 /// What is wrong with the walls on one side, in sentences.
 fn faults_of_side(side: &Side) -> Vec<String> {
     let Side { direction, lines, open, inside, deepest_m } = side;
-    let open = (*open > 0).then(|| format!("Towards {direction}, {open} of {lines} lines meet no wall."));
+    let open =
+        (*open > 0).then(|| format!("Towards {direction}, {open} of {lines} lines meet no wall nearby."));
     let inside = (*inside > 0).then(|| {
         format!(
             "Towards {direction}, {inside} of {lines} lines meet a wall inside the region, up to {deepest_m:.3} m from its border."

@@ -184,11 +184,11 @@ fn faults_of_sides(sides: &[(&str, usize, usize, &str)]) -> String {
     let mut sentences = String::new();
     for (side, open, inside, depth) in sides {
         if *open > 0 {
-            sentences += &format!(" Towards {side}, {open} of 15 lines meet no wall.");
+            sentences += &format!(" Towards {side}, {open} of 18 lines meet no wall nearby.");
         }
         if *inside > 0 {
             sentences += &format!(
-                " Towards {side}, {inside} of 15 lines meet a wall inside the region, up to {depth} m from its border."
+                " Towards {side}, {inside} of 18 lines meet a wall inside the region, up to {depth} m from its border."
             );
         }
     }
@@ -201,15 +201,15 @@ fn a_hopper_of_plates_beside_its_filling_region_has_a_warning_with_the_figures()
     for part in [json!({}), at(0.007, 0.0), at(0.0, 0.007), at(0.0, -0.007), at(-0.02, 0.0)] {
         assert_eq!(open_region(&plates(&part)), None, "{part}");
     }
-    // About the middle of the region, so that the walls are 0.15 m apart in x and 0.3 m in y.
-    let turned = json!({"position_m": [-0.15, 0.15, 0.0], "orientation_deg": [90.0, 0.0, 0.0]});
+    // About the middle of the region, nearly: walls at x = -0.235 and -0.085 m, and at y = -0.16 and 0.14 m.
+    let turned = json!({"position_m": [-0.16, 0.14, 0.0], "orientation_deg": [90.0, 0.0, 0.0]});
     let cases: [(Value, &[_]); 6] = [
-        (at(0.0, 0.1), &[("-x", 9, 0, ""), ("-y", 15, 0, ""), ("+y", 0, 15, "0.050")]),
-        (at(0.0, -0.009), &[("-y", 0, 0, ""), ("+y", 0, 15, "0.009")]),
+        (at(0.0, 0.1), &[("-x", 12, 0, ""), ("-y", 18, 0, ""), ("+y", 0, 18, "0.050")]),
+        (at(0.0, -0.009), &[("+y", 0, 18, "0.009")]),
         (at(-0.1, 0.0), &[("-y", 6, 0, ""), ("+y", 6, 0, "")]),
-        (at(0.1, 0.0), &[("-x", 0, 15, "0.100"), ("-y", 6, 0, ""), ("+y", 6, 0, "")]),
-        (turned, &[("-x", 0, 15, "0.075"), ("-y", 6, 0, ""), ("+y", 6, 0, "")]),
-        (json!({"position_m": [0.0, 0.0, 0.05]}), &[("-x", 5, 0, ""), ("-y", 5, 0, ""), ("+y", 5, 0, "")]),
+        (at(0.1, 0.0), &[("-x", 0, 18, "0.100"), ("-y", 6, 0, ""), ("+y", 6, 0, "")]),
+        (turned, &[("-x", 0, 18, "0.065"), ("-y", 12, 0, ""), ("+y", 9, 0, "")]),
+        (json!({"position_m": [0.0, 0.0, 0.05]}), &[("-x", 6, 0, ""), ("-y", 6, 0, ""), ("+y", 6, 0, "")]),
     ];
     for (part, sides) in cases {
         let message = open_region(&plates(&part)).unwrap_or_else(|| panic!("{part}"));
@@ -228,8 +228,12 @@ fn only_walls_at_the_border_close_the_filling_region() {
         let message = open_region(hopper).expect("a warning");
         assert!(message.contains(&format!("m.{} With", faults_of_sides(sides))), "{message}");
     };
+    // The material of a belt makes no belt.
     hopper["equipment"]["surfaces"][1]["kind"] = json!("belt");
-    towards(&hopper, &[("-y", 15, 0, "")]);
+    assert_eq!(open_region(&hopper), None);
+    hopper["equipment"]["surfaces"][1]["motion"] = json!("belt");
+    hopper["equipment"]["surfaces"][1]["velocity_m_s"] = json!([0.25, 0.0, 0.0]);
+    towards(&hopper, &[("-y", 18, 0, "")]);
     // A wall that counts until the belt starts.
     hopper["equipment"]["surfaces"][1] = sound["equipment"]["surfaces"][1].clone();
     hopper["equipment"]["surfaces"][1]["presence"] = json!("until_start");
@@ -239,6 +243,18 @@ fn only_walls_at_the_border_close_the_filling_region() {
     let mut chuted = sound.clone();
     chuted["equipment"]["surfaces"].as_array_mut().unwrap().push(chute);
     assert_eq!(open_region(&chuted), None);
+    // A housing encloses a hopper that lies beside the region.
+    let mut housed = plates(&json!({"position_m": [0.0, 0.2, 0.0]}));
+    for (corner, edge) in [
+        ([-0.7, -0.4, 0.0], [0.0, 0.8, 0.0]),
+        ([-0.7, -0.4, 0.0], [1.7, 0.0, 0.0]),
+        ([-0.7, 0.4, 0.0], [1.7, 0.0, 0.0]),
+    ] {
+        let side =
+            json!({"name": format!("housing {corner:?} {edge:?}"), "plate_m": [corner, edge, [0, 0, 0.5]]});
+        housed["equipment"]["surfaces"].as_array_mut().unwrap().push(side);
+    }
+    towards(&housed, &[("-x", 6, 0, ""), ("-y", 6, 0, "")]);
     // A periodic hopper has no side walls, and its other surfaces go past the seams.
     let mut periodic = sound;
     periodic["equipment"]["side_walls"] = json!("periodic");
@@ -250,7 +266,7 @@ fn only_walls_at_the_border_close_the_filling_region() {
     }
     assert_eq!(open_region(&periodic), None);
     periodic["equipment"]["surfaces"][0]["position_m"] = json!([0.1, 0.0, 0.0]);
-    towards(&periodic, &[("-x", 0, 15, "0.100")]);
+    towards(&periodic, &[("-x", 0, 18, "0.100")]);
 }
 
 #[test]

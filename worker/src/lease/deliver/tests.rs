@@ -200,13 +200,20 @@ async fn only_short_results_go_together() {
 #[tokio::test]
 async fn results_stay_in_the_outbox_while_the_server_is_unavailable() {
     let problem = r#"{"type":"/problems/unavailable","title":"x","status":503,"detail":"later"}"#;
-    let server = answering("503 Service Unavailable", "application/problem+json", problem).await;
+    let requests = Arc::new(Mutex::new(Vec::new()));
+    let seen = requests.clone();
+    let server = answering_by("application/problem+json", move |request| {
+        seen.lock().unwrap().push(request.split(' ').nth(1).unwrap().to_owned());
+        ("503 Service Unavailable".to_owned(), problem.to_owned())
+    })
+    .await;
     let worker_id = roost_api::ids::WorkerId::new();
     let content = Content::Result(ResultDelivery { worker_id, result: result(), filled_by: None });
     let (session, _folder) = session_with(&server, content).await;
     add_result(&session, result()).await;
     assert!(!deliver_waiting(&session).await.unwrap(), "both wait");
     assert_eq!(session.outbox.waiting().unwrap().len(), 2);
+    assert_eq!(*requests.lock().unwrap(), ["/v1/results"], "more requests would not help");
 }
 
 /// Adds deliveries to an outbox, with recorded frames or without.
