@@ -16,6 +16,7 @@ use crate::clock::Now;
 mod bases;
 mod editions;
 mod observations;
+mod outages;
 mod postgres;
 mod projects;
 mod query_plans;
