@@ -2,7 +2,8 @@
 //!
 //! One task ends expired leases, attempts beyond `max_wall_s`, and pauses before a retry, and removes the
 //! progress of ended jobs. The second removes checkpoints that are no longer needed. The third deletes what an
-//! interrupted submission or deletion left, old events, answers, sweeps and jobs, and objects that nothing names.
+//! interrupted submission or deletion left, old events, answers, sweeps and jobs, and objects that nothing names. The fourth keeps the
+//! temporary tables of a leader on PostgreSQL small.
 
 use std::time::Duration;
 
@@ -12,10 +13,13 @@ use roost_api::time::Timestamp;
 use crate::queue::JobChange;
 use crate::repeated_failure::RepeatedFailure;
 use crate::state::App;
-use crate::store::StoreError;
+use crate::store::{Expired, StoreError};
 
 /// Interval of deletion.
 const DELETE_EVERY: Duration = Duration::from_secs(600);
+
+/// Interval at which the temporary tables of a leader on PostgreSQL are filled anew.
+const REFILL_EVERY: Duration = Duration::from_secs(60);
 
 /// Interval of the removal of checkpoints.
 const REMOVE_EVERY: Duration = Duration::from_secs(1);
@@ -32,14 +36,16 @@ pub(crate) async fn run(app: App) {
     // The next start completes an interrupted deletion.
     let deleting = app.shutdown.run_until_cancelled(delete_old(&app));
     let removing = app.shutdown.run_until_cancelled(remove_checkpoints(&app));
-    tokio::join!(expire(&app), removing, deleting);
+    let refilling = app.shutdown.run_until_cancelled(refill_leader_tables(&app));
+    tokio::join!(expire(&app), removing, deleting, refilling);
 }
 
 async fn expire(app: &App) {
     let mut checks = RepeatedFailure::of("checking leases");
     let interval = (app.config.lease / 4).clamp(Duration::from_millis(20), Duration::from_secs(1));
+    let mut next = NextLook::default();
     while app.shutdown.run_until_cancelled(tokio::time::sleep(interval)).await.is_some() {
-        checks.note(tick(app).await);
+        checks.note(tick(app, &mut next).await);
     }
 }
 
@@ -50,6 +56,14 @@ async fn remove_checkpoints(app: &App) {
     loop {
         tokio::time::sleep(REMOVE_EVERY).await;
         removals.note(remove_unneeded(app).await);
+    }
+}
+
+async fn refill_leader_tables(app: &App) {
+    let mut refills = RepeatedFailure::of("filling the temporary tables");
+    loop {
+        tokio::time::sleep(REFILL_EVERY).await;
+        refills.note(app.store.refill_leader_tables().await);
     }
 }
 
@@ -155,13 +169,48 @@ async fn prune(app: &App, age: Duration) {
     }
 }
 
+/// When leases and deadlines are looked at next. A look reads all running jobs, and none that begins after it ends for as long as a lease.
+#[derive(Default)]
+pub(crate) struct NextLook {
+    /// On the clock of leases; none for now.
+    due: Option<Timestamp>,
+}
+
+impl NextLook {
+    fn is_due(&self, now: Timestamp) -> bool {
+        self.due.is_none_or(|due| due <= now)
+    }
+
+    /// After a look that found this first end. Half a lease is left for claims that waited for the store.
+    fn found(&mut self, first_end: Option<Timestamp>, now: Timestamp, lease: Duration) {
+        let latest = now.plus_ms(ms(lease / 2));
+        self.due = Some(first_end.map_or(latest, |end| end.min(latest)));
+    }
+}
+
+/// Ends what has expired: leases, deadlines and pauses.
+async fn expire_now(app: &App, next: &mut NextLook) -> Result<Expired, StoreError> {
+    let now = app.clock.both();
+    let has_ended = if next.is_due(now.lease) {
+        let first_end = app.store.first_end().await?;
+        next.found(first_end, now.lease, app.config.lease);
+        first_end.is_some_and(|end| end <= now.lease)
+    } else {
+        false
+    };
+    if has_ended || app.store.has_ended_pause(now).await? {
+        return app.store.expire(app.config.retry, now).await;
+    }
+    Ok(Expired::default())
+}
+
 /// Checks leases, deadlines and pauses once.
-pub(crate) async fn tick(app: &App) -> Result<(), StoreError> {
+pub(crate) async fn tick(app: &App, next: &mut NextLook) -> Result<(), StoreError> {
     let until = app.clock.lease_now().plus_ms(ms(app.config.lease));
     if let Some(running) = app.store.renew_after_outage(until).await? {
         tracing::warn!(running, "PostgreSQL did not answer for a while: leases are renewed");
     }
-    let passed = app.store.expire(app.config.retry, app.clock.both()).await?;
+    let passed = expire_now(app, next).await?;
     for (place, (job, change)) in passed.changes.iter().enumerate() {
         tracing::warn!(%job, ?change, "an attempt timed out or lost its lease");
         app.progress.remove(*job);
@@ -203,7 +252,7 @@ mod tests {
         let progress = json!({"phase": "process", "time_s": 1.0, "simulated_s": 2.0, "fraction": 0.5,
             "subparticles": 9, "particle_steps": 10, "wall_s": 0.1, "discharged_kg": 3.0});
         server.app().progress.set(JobId::new(), None, serde_json::from_value(progress).unwrap());
-        tick(&server.app()).await.unwrap();
+        tick(&server.app(), &mut NextLook::default()).await.unwrap();
         assert_eq!(server.app().progress.jobs(), []);
         server.app().store.close().await;
     }

@@ -7,7 +7,7 @@ use futures_util::TryStreamExt;
 use super::claims::{Claim, FillDevice};
 use super::columns::Columns;
 use super::database::{Connection, query};
-use super::eligible_jobs::eligible_jobs;
+use super::eligible_jobs::{eligible_jobs, eligible_jobs_of_writer};
 use super::workers::online_window;
 use super::{Store, StoreError};
 use crate::clock::Now;
@@ -125,7 +125,7 @@ async fn list(
     (numbers, device): (&mut FillNumbers, &FillDevice),
 ) -> Result<Vec<OwnerJobs>, StoreError> {
     let (since, until) = online_window(now.wall, claim.lease);
-    let mut rows = query(eligible_jobs(tx.engine()))
+    let mut rows = query(eligible_jobs_of_writer(tx.engine()))
         .bind(claim.worker.to_string())
         .bind(since.0)
         .bind(until.0)

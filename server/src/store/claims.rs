@@ -15,22 +15,24 @@ use uuid::Uuid;
 use super::batcher::{Batcher, waves};
 use super::candidates::{FillNumbers, candidates};
 use super::columns::{Columns, to_json};
-use super::database::{Connection, Row, query};
+use super::database::{Connection, Engine, Row, query};
 use super::eligible_jobs::rounds;
+use super::workers::online_window;
 use super::writer::Writer;
-use super::{Store, StoreError};
+use super::{Store, StoreError, leader_tables};
 use crate::clock::Now;
 use crate::queue::{Allocation, Demand, Refusal, Turn, WorkerLoad, allocate, lease_end};
 
-/// An expression on the checkpoint that the worker of a row of `jobs` can continue from; null without one.
+/// An expression on the checkpoint that the worker of a row of `jobs` can continue from; null without one. The offset keeps PostgreSQL
+/// from looking up the worker of a job without a checkpoint.
 macro_rules! usable_checkpoint {
     ($of:literal) => {
         concat!(
             "(SELECT ",
             $of,
-            " FROM checkpoints c JOIN workers w ON w.id = jobs.worker_id
-             AND w.solver_revision = c.solver_revision AND w.backend = c.backend AND w.device = c.device
-             WHERE c.job_id = jobs.id)"
+            " FROM checkpoints c WHERE c.job_id = jobs.id
+             AND EXISTS (SELECT 1 FROM workers w WHERE w.id = jobs.worker_id AND w.solver_revision = c.solver_revision
+                         AND w.backend = c.backend AND w.device = c.device LIMIT 1 OFFSET 0))"
         )
     };
 }
@@ -65,23 +67,32 @@ macro_rules! claimed_columns {
     };
 }
 
-/// Starts attempts of jobs, and advances the fair share of their owners and projects. The deadline of an attempt is `max_wall_s` after its first
-/// lease.
-pub(super) const TAKE: &str = concat!(
-    "
+/// Starts attempts of jobs. The deadline of an attempt is `max_wall_s` after its first lease.
+macro_rules! start {
+    () => {
+        concat!(
+            "
     UPDATE jobs
     SET state = 'running', attempt = attempt + 1, worker_id = took.value ->> 'worker',
         lease_expires_at = CAST(took.value ->> 'until' AS BIGINT), started_at = CAST(took.value ->> 'at' AS BIGINT),
         deadline = CAST(took.value ->> 'until' AS BIGINT) + CAST(max_wall_s * 1000 AS BIGINT)
     FROM json_each(?) AS took WHERE jobs.seq = CAST(took.value ->> 'seq' AS BIGINT)
     RETURNING ",
-    claimed_columns!(),
-    ";
+            claimed_columns!(),
+            ";
     INSERT INTO attempts (job_id, number, worker_id, request_id, claimed_at, resumed_from_s)
     SELECT jobs.id, jobs.attempt, jobs.worker_id, took.value ->> 'request', CAST(took.value ->> 'at' AS BIGINT), ",
-    usable_checkpoint!("c.simulated_s"),
+            usable_checkpoint!("c.simulated_s"),
+            "
+    FROM json_each(?) AS took CROSS JOIN jobs ON jobs.seq = CAST(took.value ->> 'seq' AS BIGINT);"
+        )
+    };
+}
+
+/// Starts attempts of jobs, and advances the fair share of their owners and projects.
+pub(super) const TAKE: &str = concat!(
+    start!(),
     "
-    FROM json_each(?) AS took CROSS JOIN jobs ON jobs.seq = CAST(took.value ->> 'seq' AS BIGINT);
     INSERT INTO fair_share (priority, owner, queue_position, round, served)
     SELECT j.priority, j.owner, max(j.queue_position), max(CAST(took.value ->> 'round' AS BIGINT)),
            max(CAST(took.value ->> 'served' AS BIGINT))
@@ -97,6 +108,40 @@ pub(super) const TAKE: &str = concat!(
            CAST(took.value ->> 'turn' AS BIGINT), CAST(took.value ->> 'served' AS BIGINT)
     FROM json_each(?) AS took WHERE true
     ON CONFLICT (priority, project) DO UPDATE SET round = excluded.round, turn = excluded.turn, served = excluded.served"
+);
+
+/// The same for PostgreSQL, which finds the newest version of a row from the end of its key (see [`leader_tables`](super::leader_tables)).
+const TAKE_IN_POSTGRES: &str = concat!(
+    start!(),
+    "
+    WITH took AS (
+        SELECT shares.*, (SELECT newest.ctid FROM fair_share newest
+                          WHERE (newest.priority, newest.owner) >= (shares.priority, shares.owner)
+                            AND (newest.priority, newest.owner) <= (shares.priority, shares.owner)
+                          ORDER BY newest.priority DESC, newest.owner DESC LIMIT 1) AS place
+        FROM (SELECT j.priority, j.owner, max(j.queue_position) AS queue_position,
+                     max(CAST(job.value ->> 'round' AS BIGINT)) AS round, max(CAST(job.value ->> 'served' AS BIGINT)) AS served
+              FROM json_each(?) AS job JOIN jobs j ON j.seq = CAST(job.value ->> 'seq' AS BIGINT)
+              GROUP BY j.priority, j.owner) AS shares),
+    changed AS (
+        UPDATE fair_share SET queue_position = greatest(fair_share.queue_position, took.queue_position),
+            round = greatest(fair_share.round, took.round), served = took.served
+        FROM took WHERE fair_share.ctid = took.place)
+    INSERT INTO fair_share (priority, owner, queue_position, round, served)
+    SELECT priority, owner, queue_position, round, served FROM took WHERE place IS NULL;
+    WITH took AS (
+        SELECT turns.*, (SELECT newest.ctid FROM project_rounds newest
+                         WHERE (newest.priority, newest.project) >= (turns.priority, turns.project)
+                           AND (newest.priority, newest.project) <= (turns.priority, turns.project)
+                         ORDER BY newest.priority DESC, newest.project DESC LIMIT 1) AS place
+        FROM (SELECT CAST(value ->> 'priority' AS BIGINT) AS priority, CAST(value ->> 'project' AS BIGINT) AS project,
+                     CAST(value ->> 'round' AS BIGINT) AS round, CAST(value ->> 'turn' AS BIGINT) AS turn,
+                     CAST(value ->> 'served' AS BIGINT) AS served FROM json_each(?)) AS turns),
+    changed AS (
+        UPDATE project_rounds SET round = took.round, turn = took.turn, served = took.served
+        FROM took WHERE project_rounds.ctid = took.place)
+    INSERT INTO project_rounds (priority, project, round, turn, served)
+    SELECT priority, project, round, turn, served FROM took WHERE place IS NULL"
 );
 
 /// Makes new attempts the ones that compute the fills of their jobs, where no attempt has stored or withdrawn them.
@@ -128,18 +173,33 @@ pub(super) const REPEAT: &str = concat!(
     claimed_columns!()
 );
 
-/// Records that workers were seen. Returns the device and load of each, whether it has failed jobs, and whether its request is a
-/// repeat. A repeat is found by the id of its request alone: few attempts have the same one. The offset keeps PostgreSQL from collecting
-/// the attempts of all workers instead of looking for one.
-pub(super) const ARRIVE: &str = "
+/// Records that workers were seen, unless they were seen recently. Returns the device and load of each, whether it has failed jobs, and
+/// whether its request is a repeat. A repeat is found by the id of its request alone: few attempts have the same one. The offset keeps
+/// PostgreSQL from collecting the attempts of all workers instead of looking for one.
+macro_rules! arrive {
+    ($running:literal) => {
+        concat!(
+            "
     UPDATE workers SET last_seen_at = CAST(request.value ->> 'at' AS BIGINT)
-    FROM json_each(?) AS request WHERE workers.id = request.value ->> 'worker';
+    FROM json_each(?) AS request WHERE workers.id = request.value ->> 'worker'
+      AND workers.last_seen_at NOT BETWEEN CAST(request.value ->> 'recent' AS BIGINT) AND CAST(request.value ->> 'at' AS BIGINT);
     SELECT CAST(request.key AS BIGINT) AS place, me.solver_revision, me.backend, me.device, me.memory_mib, me.draining, me.slots,
         me.id IN (SELECT worker_id FROM attempts WHERE request_id = request.value ->> 'request') AS repeated,
         EXISTS (SELECT 1 FROM attempts WHERE worker_id = me.id AND outcome = 'worker' LIMIT 1 OFFSET 0) AS has_failed,
-        (SELECT count(*) FROM jobs WHERE worker_id = me.id AND state = 'running') AS jobs,
-        (SELECT coalesce(max(alone), 0) FROM jobs WHERE worker_id = me.id AND state = 'running') AS alone
-    FROM json_each(?) AS request CROSS JOIN workers me ON me.id = request.value ->> 'worker'";
+        (SELECT count(*) FROM ",
+            $running,
+            ") AS jobs,
+        (SELECT coalesce(max(alone), 0) FROM ",
+            $running,
+            ") AS alone
+    FROM json_each(?) AS request CROSS JOIN workers me ON me.id = request.value ->> 'worker'"
+        )
+    };
+}
+
+pub(super) const ARRIVE: &str = arrive!("jobs WHERE worker_id = me.id AND state = 'running'");
+
+const ARRIVE_IN_POSTGRES: &str = arrive!("running_jobs WHERE worker_id = me.id");
 
 /// Records how many jobs workers can run at the same time.
 pub(super) const RECORD_SLOTS: &str = "UPDATE workers SET slots = CAST(found.value ->> 'slots' AS BIGINT)
@@ -182,6 +242,9 @@ pub(super) struct ClaimedRows {
     held_back: bool,
     held_jobs: Option<u32>,
 }
+
+/// How often claims record, during one lease, that their worker was seen. A worker may claim hundreds of jobs in that time.
+const SEEN_PER_LEASE: u32 = 4;
 
 /// Claims in one batch.
 const MAX_BATCH: usize = 64;
@@ -242,9 +305,13 @@ async fn claim_wave(
     tx: &mut Connection,
     claims: &[TimedClaim],
 ) -> Result<Vec<Result<ClaimedRows, Refusal>>, StoreError> {
-    let arriving = |(claim, now): &TimedClaim| json!({"worker": claim.worker, "request": claim.request_id, "at": now.wall.0});
+    let arriving = |(claim, now): &TimedClaim| {
+        let (recent, _) = online_window(now.wall, claim.lease / SEEN_PER_LEASE);
+        json!({"worker": claim.worker, "request": claim.request_id, "at": now.wall.0, "recent": recent.0})
+    };
     let arriving = to_json("claims", &claims.iter().map(arriving).collect::<Vec<_>>())?;
-    let rows = query(ARRIVE).bind(&arriving).bind(&arriving).fetch_all(&mut *tx).await?;
+    let arrive = if tx.engine() == Engine::Postgres { ARRIVE_IN_POSTGRES } else { ARRIVE };
+    let rows = query(arrive).bind(&arriving).bind(&arriving).fetch_all(&mut *tx).await?;
     let mut answers: Vec<_> = claims.iter().map(|_| Err(Refusal::NoWorker)).collect();
     let (mut classes, mut demands) = (Vec::<(WorkerClass, TimedClaim)>::new(), Vec::new());
     let mut slots_found = Vec::new();
@@ -289,6 +356,7 @@ async fn claim_wave(
     // In the order of the claims, which the rows need not have.
     demands.sort_by_key(|(place, _)| *place);
     let total: usize = demands.iter().map(|(_, demand)| demand.max_jobs).sum();
+    leader_tables::advance(tx).await?;
     let (mut lists, mut fills) = (Vec::new(), FillNumbers::default());
     for (class, (claim, now)) in &classes {
         lists.push(candidates(tx, *claim, *now, total, (&mut fills, &class.device)).await?);
@@ -343,7 +411,8 @@ async fn start_attempts(
     }
     let computes = allocations.iter().flat_map(|(_, it)| &it.jobs).any(|next| next.job.fill.is_some());
     let (taken, turns) = (to_json("jobs", &taken)?, to_json("turns", &last_turns(allocations))?);
-    let take = query(TAKE).bind(&taken).bind(&taken).bind(&taken).bind(turns);
+    let take = if tx.engine() == Engine::Postgres { TAKE_IN_POSTGRES } else { TAKE };
+    let take = query(take).bind(&taken).bind(&taken).bind(&taken).bind(turns);
     let rows = take.fetch_all(&mut *tx).await?;
     if computes {
         query(COMPUTE_FILLS).bind(&taken).execute(&mut *tx).await?;

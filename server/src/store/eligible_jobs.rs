@@ -155,11 +155,12 @@ pub(super) use {
     can_continue, claimable, computing_attempt, fits, has_failed, heads, is_left_to, is_open, spent_owners,
 };
 
-/// [`ELIGIBLE_JOBS`] with the join of the jobs of each queue, which ends in `$end`.
+/// [`ELIGIBLE_JOBS`] with the queues, the join of their projects, and the join of the jobs of each queue from a place on, which ends in
+/// `$end`.
 macro_rules! eligible_jobs {
-    ($found:literal, $end:expr) => {
+    ($with:expr, $heads:literal, $projects:literal, $found:literal, $from:literal, $end:expr) => {
         concat!(
-            heads!(),
+            $with,
             "
     SELECT heads.priority, heads.owner, heads.queue, owners.project, projects.share, found.queue_position, found.seq, found.alone,
            CASE WHEN found.fill_digest IS NOT NULL AND ?5 <> 0
@@ -170,14 +171,20 @@ macro_rules! eligible_jobs {
             can_continue!("found", "me"),
             "
                 THEN found.fill_digest END AS fill
-    FROM heads CROSS JOIN workers me CROSS JOIN owners ON owners.id = heads.owner CROSS JOIN projects ON projects.id = owners.project
+    FROM ",
+            $heads,
+            " CROSS JOIN workers me CROSS JOIN owners ON owners.id = heads.owner CROSS JOIN ",
+            $projects,
+            "
          CROSS JOIN ",
             $found,
             " FROM jobs j
         WHERE ",
             claimable!("j"),
             "
-          AND j.priority = heads.priority AND j.owner = heads.owner AND j.queue = heads.queue
+          AND j.priority = heads.priority AND j.owner = heads.owner AND j.queue = heads.queue",
+            $from,
+            "
           AND (j.sweep_id IS NULL OR j.sweep_id NOT IN (SELECT id FROM sweeps WHERE state <> 'ready'))
           AND ",
             fits!("j", "me"),
@@ -210,8 +217,12 @@ macro_rules! eligible_jobs {
 /// checkpoint. Of each queue only the first ?6 + 500 jobs are looked at, so that a long queue of one fill costs a claim milliseconds.
 /// `fill` is the fill that an attempt of the job would compute.
 pub(super) const ELIGIBLE_JOBS: &str = eligible_jobs!(
+    heads!(),
+    "heads",
+    "projects ON projects.id = owners.project",
     "jobs found ON found.seq IN (
         SELECT first.seq FROM (SELECT j.seq, j.id, j.fill_digest",
+    "",
     concat!(
         "
     WHERE me.id = ?1 AND me.draining = 0 AND ",
@@ -220,23 +231,43 @@ pub(super) const ELIGIBLE_JOBS: &str = eligible_jobs!(
 );
 
 /// The same for PostgreSQL, which would test each job against such a list, but makes one list per queue for a lateral join. SQLite has none.
-const ELIGIBLE_JOBS_IN_POSTGRES: &str = eligible_jobs!(
-    "LATERAL (
+macro_rules! eligible_jobs_in_postgres {
+    ($with:expr, $heads:literal, $from:literal) => {
+        eligible_jobs!(
+            $with,
+            $heads,
+            "LATERAL (SELECT * FROM projects WHERE id >= owners.project AND id <= owners.project ORDER BY id DESC LIMIT 1) AS projects",
+            "LATERAL (
         SELECT first.* FROM (SELECT j.seq, j.id, j.fill_digest, j.queue_position, j.alone",
-    concat!(
-        " AS found
+            $from,
+            concat!(
+                " AS found
     WHERE me.id = ?1 AND me.draining = 0 AND ",
-        is_open!(),
-        "
+                is_open!(),
+                "
     ORDER BY heads.priority DESC, heads.owner, heads.queue"
-    )
-);
+            )
+        )
+    };
+}
 
-/// [`ELIGIBLE_JOBS`] in the words of an engine.
+/// [`ELIGIBLE_JOBS`] for a reader.
 pub(super) fn eligible_jobs(engine: Engine) -> &'static str {
     match engine {
         Engine::Sqlite => ELIGIBLE_JOBS,
-        Engine::Postgres => ELIGIBLE_JOBS_IN_POSTGRES,
+        Engine::Postgres => eligible_jobs_in_postgres!(heads!(), "heads", ""),
+    }
+}
+
+/// [`ELIGIBLE_JOBS`] for the session that writes. That of PostgreSQL has the table `queue_heads`.
+pub(super) fn eligible_jobs_of_writer(engine: Engine) -> &'static str {
+    match engine {
+        Engine::Sqlite => ELIGIBLE_JOBS,
+        Engine::Postgres => eligible_jobs_in_postgres!(
+            "",
+            "queue_heads AS heads",
+            " AND (j.queue_position, j.seq) >= (heads.queue_position, heads.seq)"
+        ),
     }
 }
 
@@ -246,6 +277,26 @@ pub(super) const ROUNDS: &str = "
     WHERE f.priority IN (SELECT CAST(atom AS BIGINT) FROM json_each(?1))
     UNION ALL SELECT priority, project, NULL, round, turn, served FROM project_rounds
     WHERE priority IN (SELECT CAST(atom AS BIGINT) FROM json_each(?1))";
+
+/// The same for PostgreSQL. Claims change these rows all the time: the newest version has the last entry of its key, and a range of one key
+/// is searched from its end.
+const ROUNDS_IN_POSTGRES: &str = "
+    WITH asked AS (SELECT CAST(atom AS BIGINT) AS priority FROM json_each(?1))
+    SELECT f.priority, o.project, f.owner, f.round, 0 AS turn, f.served FROM asked CROSS JOIN owners o CROSS JOIN LATERAL (
+        SELECT * FROM fair_share WHERE (priority, owner) >= (asked.priority, o.id) AND (priority, owner) <= (asked.priority, o.id)
+        ORDER BY priority DESC, owner DESC LIMIT 1) AS f
+    UNION ALL SELECT r.priority, r.project, NULL, r.round, r.turn, r.served
+    FROM asked CROSS JOIN (SELECT DISTINCT project FROM owners) AS o CROSS JOIN LATERAL (
+        SELECT * FROM project_rounds WHERE (priority, project) >= (asked.priority, o.project) AND (priority, project) <= (asked.priority, o.project)
+        ORDER BY priority DESC, project DESC LIMIT 1) AS r";
+
+/// [`ROUNDS`] in the words of an engine.
+pub(super) fn rounds_in(engine: Engine) -> &'static str {
+    match engine {
+        Engine::Sqlite => ROUNDS,
+        Engine::Postgres => ROUNDS_IN_POSTGRES,
+    }
+}
 
 /// The rounds in rows of [`ROUNDS`].
 pub(super) fn rounds_of(rows: &[Row]) -> Result<Rounds, StoreError> {
@@ -272,5 +323,7 @@ pub(super) async fn rounds(tx: &mut Connection, queues: &[Vec<OwnerQueue>]) -> R
     if priorities.is_empty() {
         return Ok(Rounds::default());
     }
-    rounds_of(&query(ROUNDS).bind(to_json("priorities", &priorities)?).fetch_all(&mut *tx).await?)
+    rounds_of(
+        &query(rounds_in(tx.engine())).bind(to_json("priorities", &priorities)?).fetch_all(&mut *tx).await?,
+    )
 }

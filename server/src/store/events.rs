@@ -5,7 +5,7 @@ use roost_api::time::Timestamp;
 
 use super::columns::Columns;
 use super::database::{Row, query, query_as};
-use super::versions::Subject;
+use super::versions::{Subject, last_event};
 use super::{Store, StoreError};
 
 /// Maximum number of events of one query.
@@ -44,8 +44,11 @@ impl Store {
     /// The numbers of the oldest stored event and of the newest one ever. Streams resume from the oldest at the earliest.
     pub(crate) async fn event_range(&self) -> Result<(i64, i64), StoreError> {
         // The newest event may be deleted.
-        let sql = "SELECT coalesce((SELECT min(seq) FROM events), last.seq + 1, 0), coalesce(last.seq, 0)
-                   FROM (SELECT max(seq) AS seq FROM sqlite_sequence WHERE name = 'events') last";
+        let sql = concat!(
+            "SELECT coalesce((SELECT min(seq) FROM events), last.seq + 1, 0), coalesce(last.seq, 0) FROM (SELECT ",
+            last_event!(),
+            " AS seq) AS last"
+        );
         Ok(query_as(sql).fetch_one(&self.readers).await?)
     }
 

@@ -26,22 +26,29 @@ pub(crate) struct Expired {
     pub resumed: u64,
 }
 
+/// The first end of a lease or deadline.
+pub(super) const FIRST_END: &str = "
+    SELECT min(CASE WHEN deadline < lease_expires_at THEN deadline ELSE lease_expires_at END) FROM jobs WHERE state = 'running'";
+
+/// The first end of a pause. Without knowledge of the table, PostgreSQL would look at all jobs for those before a time.
+pub(super) const FIRST_PAUSE_END: &str = "SELECT min(not_before) FROM jobs WHERE not_before IS NOT NULL";
+
 impl Store {
+    /// The first end of a lease or deadline, on the clock of leases. Uses a reader, and looks at all running jobs.
+    pub(crate) async fn first_end(&self) -> Result<Option<Timestamp>, StoreError> {
+        let first: Option<i64> = query_scalar(FIRST_END).fetch_one(&self.readers).await?;
+        Ok(first.map(Timestamp))
+    }
+
+    /// Whether a pause before a retry is over. Uses a reader.
+    pub(crate) async fn has_ended_pause(&self, now: Now) -> Result<bool, StoreError> {
+        let first: Option<i64> = query_scalar(FIRST_PAUSE_END).fetch_one(&self.readers).await?;
+        Ok(first.is_some_and(|end| end <= now.lease.0))
+    }
+
     /// Ends expired leases and pauses, and attempts past their deadline. After an outage nothing ends until leases are renewed, since no
     /// heartbeat could be stored.
     pub(crate) async fn expire(&self, policy: RetryPolicy, now: Now) -> Result<Expired, StoreError> {
-        // Usually nothing has expired: a reader finds out without the writer.
-        let any: bool = query_scalar(
-            "SELECT EXISTS (SELECT 1 FROM jobs WHERE state = 'running' AND lease_expires_at <= ?1)
-                 OR EXISTS (SELECT 1 FROM jobs WHERE state = 'running' AND deadline <= ?1)
-                 OR EXISTS (SELECT 1 FROM jobs WHERE not_before <= ?1)",
-        )
-        .bind(now.lease.0)
-        .fetch_one(&self.readers)
-        .await?;
-        if !any {
-            return Ok(Expired::default());
-        }
         let (outages, asked) = (self.writer.outages(), Instant::now());
         self.writer
             .write(move |tx| {

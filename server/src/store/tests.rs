@@ -15,6 +15,7 @@ use crate::clock::Now;
 
 mod bases;
 mod editions;
+mod leader_tables;
 mod observations;
 mod outages;
 mod postgres;

@@ -182,10 +182,12 @@ async fn copy_numbers(source: &mut Connection, target: &mut Connection) -> Resul
     .execute(&mut *target)
     .await?;
     for table in NUMBERED {
-        let sql = "SELECT seq FROM sqlite_sequence WHERE name = ?";
-        let Some(number) = query_scalar::<i64>(sql).bind(table).fetch_optional(&mut *source).await? else {
-            continue;
-        };
+        let sql = format!(
+            "SELECT max(seq) FROM (SELECT seq FROM sqlite_sequence WHERE name = ? UNION ALL SELECT max(seq) FROM {table}) AS numbers"
+        );
+        let number =
+            query_scalar::<Option<i64>>(AssertSqlSafe(sql)).bind(table).fetch_one(&mut *source).await?;
+        let Some(number) = number else { continue };
         let sql = "INSERT INTO sqlite_sequence (name, seq) VALUES (?, ?)";
         query(sql).bind(table).bind(number).execute(&mut *target).await?;
         if target.engine() == Engine::Postgres {

@@ -150,29 +150,50 @@ pub(super) const QUEUED_AT: &str = "
 
 // `sqlite_sequence` has the highest number of each table. It never goes down, even when rows are deleted.
 
-const EVERYTHING: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'events'),
-    (SELECT CAST(coalesce(sum(seq), 0) AS BIGINT) FROM sqlite_sequence WHERE name IN ('jobs', 'sweeps', 'deletions'))";
+/// The number of the newest event ever; null before the first. PostgreSQL notes the numbers of deleted events alone.
+macro_rules! last_event {
+    () => {
+        "(SELECT max(seq) FROM (SELECT seq FROM sqlite_sequence WHERE name = 'events' UNION ALL SELECT max(seq) FROM events) AS numbers)"
+    };
+}
+
+pub(super) use last_event;
+
+const EVERYTHING: &str = concat!("SELECT coalesce(", last_event!(), ", 0),
+    (SELECT CAST(coalesce(sum(seq), 0) AS BIGINT) FROM sqlite_sequence WHERE name IN ('jobs', 'sweeps', 'deletions'))");
 // Where the events of a job or sweep were deleted, the oldest stored event is the version: the deleted ones were older.
-pub(super) const JOB: &str = "SELECT coalesce(
+pub(super) const JOB: &str = concat!(
+    "SELECT coalesce(
         (SELECT max(seq) FROM events WHERE job_id = ?1), -(SELECT min(seq) FROM events),
-        -(SELECT seq + 1 FROM sqlite_sequence WHERE name = 'events'), 0), CASE state WHEN 'queued' THEN 1 ELSE 0 END
-    FROM jobs WHERE id = ?1";
-pub(super) const SWEEP: &str = "SELECT coalesce(
+        -(",
+    last_event!(),
+    " + 1), 0), CASE state WHEN 'queued' THEN 1 ELSE 0 END
+    FROM jobs WHERE id = ?1"
+);
+pub(super) const SWEEP: &str = concat!(
+    "SELECT coalesce(
         (SELECT max(seq) FROM events WHERE sweep_id = ?1), -(SELECT min(seq) FROM events),
-        -(SELECT seq + 1 FROM sqlite_sequence WHERE name = 'events'), 0),
+        -(",
+    last_event!(),
+    " + 1), 0),
     (SELECT coalesce(max(seq), 0) FROM jobs WHERE sweep_id = ?1)
-    FROM sweeps WHERE id = ?1 AND state = 'ready'";
-const STUDIES: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'events'),
+    FROM sweeps WHERE id = ?1 AND state = 'ready'"
+);
+const STUDIES: &str = concat!("SELECT coalesce(", last_event!(), ", 0),
     (SELECT CAST(coalesce(sum(seq), 0) AS BIGINT) FROM sqlite_sequence WHERE name IN ('jobs', 'sweeps', 'deletions'))
-        + (SELECT CAST(coalesce(sum(changes), 0) AS BIGINT) FROM studies)";
+        + (SELECT CAST(coalesce(sum(changes), 0) AS BIGINT) FROM studies)");
 
-const STUDY: &str = "SELECT coalesce(
+const STUDY: &str = concat!(
+    "SELECT coalesce(
         (SELECT max(seq) FROM events WHERE sweep_id = ?1), -(SELECT min(seq) FROM events),
-        -(SELECT seq + 1 FROM sqlite_sequence WHERE name = 'events'), 0),
+        -(",
+    last_event!(),
+    " + 1), 0),
     (SELECT coalesce(max(seq), 0) FROM jobs WHERE sweep_id = ?1) + studies.changes
-    FROM studies JOIN sweeps ON sweeps.id = studies.sweep_id AND sweeps.state = 'ready' WHERE sweep_id = ?1";
+    FROM studies JOIN sweeps ON sweeps.id = studies.sweep_id AND sweeps.state = 'ready' WHERE sweep_id = ?1"
+);
 
-const WORKERS: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'events'),
-    (SELECT coalesce(max(last_seen_at), 0) + count(*) + CAST(coalesce(sum(draining), 0) AS BIGINT) FROM workers)";
+const WORKERS: &str = concat!("SELECT coalesce(", last_event!(), ", 0),
+    (SELECT coalesce(max(last_seen_at), 0) + count(*) + CAST(coalesce(sum(draining), 0) AS BIGINT) FROM workers)");
 const MESHES: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'meshes'),
     (SELECT count(*) FROM meshes)";

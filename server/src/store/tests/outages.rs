@@ -8,7 +8,7 @@ use super::super::testing::{Cluster, Place};
 use super::super::*;
 use super::postgres::count;
 use crate::config::ServerConfig;
-use crate::reaper::tick;
+use crate::reaper::{NextLook, tick};
 use crate::server::Server;
 
 #[tokio::test]
@@ -63,17 +63,17 @@ async fn no_attempt_is_lost_in_an_outage_longer_than_a_lease() {
     tokio::time::sleep(lease + Duration::from_millis(100)).await;
     let state = async || query_scalar::<String>("SELECT state FROM jobs").fetch_one(&app.store.readers).await;
     let mut failures = 0;
-    while let Err(error) = tick(&app).await {
+    while let Err(error) = tick(&app, &mut NextLook::default()).await {
         assert_eq!(error.unavailable(), Some(Unavailable::Away), "{error:?}");
         failures += 1;
         assert!(failures < 200, "{error}");
         tokio::time::sleep(Duration::from_millis(50)).await;
     }
     assert_eq!(state().await.unwrap(), "running", "its worker could not send a heartbeat");
-    tick(&app).await.unwrap();
+    tick(&app, &mut NextLook::default()).await.unwrap();
     assert_eq!(state().await.unwrap(), "running", "its lease and its deadline are new");
     tokio::time::sleep(lease + Duration::from_millis(100)).await;
-    tick(&app).await.unwrap();
+    tick(&app, &mut NextLook::default()).await.unwrap();
     assert_ne!(state().await.unwrap(), "running", "a worker that stays away loses it");
     app.store.close().await;
 }

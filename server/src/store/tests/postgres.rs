@@ -11,7 +11,7 @@ use super::super::*;
 /// Tables that only one engine has.
 const OWN_TABLES: [&str; 3] = ["_sqlx_migrations", "row_numbers", "sqlite_sequence"];
 
-fn address(place: &Place) -> Address {
+pub(super) fn address(place: &Place) -> Address {
     match &place.location {
         Location::Postgres(address) => address.clone(),
         Location::File(path) => panic!("{} is a file", path.display()),

@@ -7,7 +7,7 @@ use backon::{BackoffBuilder, ExponentialBuilder};
 use tokio::time::{Instant, timeout};
 
 use crate::store::database::{Connection, Engine, postgres};
-use crate::store::{Edition, StoreError};
+use crate::store::{Edition, StoreError, leader_tables};
 
 /// How a broken connection is replaced.
 pub(in crate::store) struct Line {
@@ -86,7 +86,11 @@ impl Server {
         let (connection, _) = self.address.connect_writer(&mut self.sessions).await?;
         let mut connection = Connection::from(connection);
         // Another server may have led and ended meanwhile, and may have upgraded the database.
-        let checked = timeout(postgres::BEGIN_DEADLINE, self.edition.keep_lead(&mut connection)).await;
+        let leading = async {
+            self.edition.keep_lead(&mut connection).await?;
+            leader_tables::prepare(&mut connection).await
+        };
+        let checked = timeout(postgres::BEGIN_DEADLINE, leading).await;
         if let Err(error) = checked.unwrap_or_else(|_| Err(postgres::late().into())) {
             // The lock ends with the session.
             let _ = timeout(postgres::BEGIN_DEADLINE, connection.close()).await;

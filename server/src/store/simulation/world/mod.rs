@@ -25,7 +25,7 @@ use super::turns::{OWNERS, SHARES};
 use crate::clock::Now;
 use crate::queue::{RetryLimit, RetryPolicy};
 use crate::store::database::{Engine, query, query_scalar, raw_sql};
-use crate::store::{NewJob, Store};
+use crate::store::{NewJob, Store, leader_tables};
 
 /// Scenarios of the jobs: few, so that some results come from the cache. The first three have one fill, the others another.
 static SCENARIOS: LazyLock<Vec<(Scenario, String)>> = LazyLock::new(|| {
@@ -328,6 +328,12 @@ impl<'s> World<'s> {
         self.compare_fills().await;
         let differing: i64 = query_scalar(MISCOUNTED).fetch_one(&self.store.readers).await.unwrap();
         assert_eq!(differing, 0, "projects whose use is not the sum over their attempts");
+        if self.store.readers.engine() == Engine::Postgres {
+            let wrong = self.store.writer.write(|tx| {
+                Box::pin(async move { Ok(query_scalar::<i64>(leader_tables::WRONG).fetch_one(tx).await?) })
+            });
+            assert_eq!(wrong.await.unwrap(), 0, "rows that the temporary tables lack or have too much");
+        }
     }
 
     /// Two capable workers register and run the remaining jobs: every job must end.

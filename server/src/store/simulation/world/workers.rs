@@ -50,7 +50,10 @@ impl World<'_> {
         let mut repeated = Vec::new();
         for SimulatedClaim { index, request, .. } in claims {
             let worker = &mut self.workers[*index];
-            worker.last_seen = self.now.wall.0;
+            // A recent time stays.
+            if !(self.now.wall.0 - LEASE_MS / 4..=self.now.wall.0).contains(&worker.last_seen) {
+                worker.last_seen = self.now.wall.0;
+            }
             let (id, is_known) = (worker.id, worker.request == Some(*request));
             repeated.push(is_known && self.claimed_by(id, *request).await);
         }
