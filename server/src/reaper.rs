@@ -169,7 +169,9 @@ async fn prune(app: &App, age: Duration) {
     }
 }
 
-/// When leases and deadlines are looked at next. A look reads all running jobs, and none that begins after it ends for as long as a lease.
+/// When leases and deadlines are looked at next. A look reads all running jobs. A lease that begins afterwards lasts longer than the pause
+/// until the next look. The earlier deadline of a job that a late heartbeat took out of the queue may be noticed late, by half a lease at
+/// most.
 #[derive(Default)]
 pub(crate) struct NextLook {
     /// On the clock of leases; none for now.
@@ -242,6 +244,23 @@ mod tests {
     use super::*;
     use crate::config::ServerConfig;
     use crate::server::Server;
+
+    #[test]
+    fn the_next_look_is_at_the_first_end_or_after_half_a_lease() {
+        let mut next = NextLook::default();
+        assert!(next.is_due(Timestamp(0)), "the first look is at once");
+        let lease = Duration::from_secs(10);
+        for (first_end, due) in
+            [(Some(103_000), 103_000), (Some(109_000), 105_000), (None, 105_000), (Some(99_000), 99_000)]
+        {
+            next.found(first_end.map(Timestamp), Timestamp(100_000), lease);
+            assert_eq!(
+                (next.is_due(Timestamp(due - 1)), next.is_due(Timestamp(due))),
+                (false, true),
+                "{due}"
+            );
+        }
+    }
 
     #[tokio::test]
     async fn progress_of_an_ended_job_is_removed() {

@@ -111,7 +111,7 @@ pub(super) const TAKE: &str = concat!(
 );
 
 /// The same for PostgreSQL, which finds the newest version of a row from the end of its key (see [`leader_tables`](super::leader_tables)).
-const TAKE_IN_POSTGRES: &str = concat!(
+pub(super) const TAKE_IN_POSTGRES: &str = concat!(
     start!(),
     "
     WITH took AS (
@@ -356,7 +356,9 @@ async fn claim_wave(
     // In the order of the claims, which the rows need not have.
     demands.sort_by_key(|(place, _)| *place);
     let total: usize = demands.iter().map(|(_, demand)| demand.max_jobs).sum();
-    leader_tables::advance(tx).await?;
+    if !classes.is_empty() {
+        leader_tables::advance(tx).await?;
+    }
     let (mut lists, mut fills) = (Vec::new(), FillNumbers::default());
     for (class, (claim, now)) in &classes {
         lists.push(candidates(tx, *claim, *now, total, (&mut fills, &class.device)).await?);

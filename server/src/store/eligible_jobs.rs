@@ -271,6 +271,26 @@ pub(super) fn eligible_jobs_of_writer(engine: Engine) -> &'static str {
     }
 }
 
+/// The position that the queue of an owner has reached at a priority, of these expressions; null before its first job. The range finds the
+/// newest version of the row (see [`leader_tables`](super::leader_tables)).
+macro_rules! reached_position {
+    ($priority:literal, $owner:literal) => {
+        concat!(
+            "(SELECT queue_position FROM fair_share WHERE (fair_share.priority, fair_share.owner) >= (",
+            $priority,
+            ", ",
+            $owner,
+            ") AND (fair_share.priority, fair_share.owner) <= (",
+            $priority,
+            ", ",
+            $owner,
+            ") ORDER BY fair_share.priority DESC, fair_share.owner DESC LIMIT 1)"
+        )
+    };
+}
+
+pub(super) use reached_position;
+
 /// The rounds of the owners and of the projects of some priorities. A row without an owner is a project's.
 pub(super) const ROUNDS: &str = "
     SELECT f.priority, o.project, f.owner, f.round, 0 AS turn, f.served FROM fair_share f CROSS JOIN owners o ON o.id = f.owner

@@ -8,6 +8,7 @@ use roost_api::time::Timestamp;
 
 use super::columns::{Columns, to_json};
 use super::database::{AssertSqlSafe, Connection, Row, query, query_scalar};
+use super::eligible_jobs::reached_position;
 use super::writer::SLICE;
 use super::{Store, StoreError};
 use crate::queue::{CancelEffect, Refusal, on_cancel, on_retry};
@@ -275,14 +276,17 @@ async fn requeue(
             again.push(row.column("seq")?);
         }
     }
-    let sql = "
+    let sql = concat!(
+        "
         UPDATE jobs SET state = 'queued', attempts_before_retry = attempt, failure_class = NULL, failure_message = NULL,
                         ended_at = NULL,
-                        queue_position = ? + again.place + coalesce((SELECT queue_position FROM fair_share
-                            WHERE fair_share.priority = jobs.priority AND fair_share.owner = jobs.owner), 0)
+                        queue_position = ? + again.place + coalesce(",
+        reached_position!("jobs.priority", "jobs.owner"),
+        ", 0)
         FROM (SELECT seq, row_number() OVER (PARTITION BY owner ORDER BY queue_position, seq) - 1 AS place
               FROM jobs WHERE seq IN (SELECT CAST(atom AS BIGINT) FROM json_each(?))) AS again
-        WHERE jobs.seq = again.seq";
+        WHERE jobs.seq = again.seq"
+    );
     let again = to_json("jobs", &again)?;
     // A study that had ended awaits the results of its jobs. A decision that is being made takes them for ended: the news refuse it.
     let study = "UPDATE studies SET news = news + 1, changes = changes + 1, finished = NULL,

@@ -15,6 +15,7 @@ use tokio::sync::mpsc;
 use super::StoreError;
 use super::columns::to_json;
 use super::database::{Builder, Connection, query, query_as};
+use super::eligible_jobs::reached_position;
 use super::writer::SLICE;
 use crate::queue::Owner;
 use crate::sweep::Trial;
@@ -206,8 +207,11 @@ pub(super) async fn queue_start(tx: &mut Connection, options: &JobOptions) -> Re
     let sql = "INSERT INTO owners (token_id, project) VALUES (?1, coalesce((SELECT project FROM tokens WHERE id = ?1), 0))
                ON CONFLICT (token_id) DO NOTHING";
     query(sql).bind(&options.token).execute(&mut *tx).await?;
-    let sql = "SELECT id, coalesce((SELECT queue_position FROM fair_share WHERE priority = ? AND owner = owners.id), 0)
-               FROM owners WHERE token_id = ?";
+    let sql = concat!(
+        "SELECT id, coalesce(",
+        reached_position!("?1", "owners.id"),
+        ", 0) FROM owners WHERE token_id = ?2"
+    );
     let (owner, position) =
         query_as(sql).bind(options.priority).bind(&options.token).fetch_one(&mut *tx).await?;
     Ok(QueueStart { owner, queue: 0, position })

@@ -12,6 +12,9 @@ use super::database::{Connection, Engine, query, raw_sql};
 use super::eligible_jobs::{claimable, heads};
 use super::{Store, StoreError};
 
+/// The code of PostgreSQL for a right that the role lacks.
+const INSUFFICIENT_PRIVILEGE: &str = "42501";
+
 /// Makes the tables. The next [`fill`] fills them.
 const CREATE: &str = "
     CREATE TEMPORARY TABLE IF NOT EXISTS queue_heads (
@@ -80,11 +83,19 @@ pub(super) const WRONG: &str = concat!(
 
 /// Makes and fills the tables of a session that begins to write.
 pub(super) async fn prepare(connection: &mut Connection) -> Result<(), StoreError> {
-    if connection.engine() == Engine::Postgres {
-        raw_sql(CREATE).execute(&mut *connection).await?;
-        fill(connection).await?;
+    if connection.engine() == Engine::Sqlite {
+        return Ok(());
     }
-    Ok(())
+    let created = raw_sql(CREATE).execute(&mut *connection).await;
+    if let Err(sqlx::Error::Database(error)) = &created
+        && error.code().as_deref() == Some(INSUFFICIENT_PRIVILEGE)
+    {
+        let reason =
+            "the role may not make temporary tables there: grant it TEMPORARY on the database".to_owned();
+        return Err(StoreError::Unsuitable { database: "the database".to_owned(), reason });
+    }
+    created?;
+    fill(connection).await
 }
 
 /// Fills the tables anew.

@@ -148,7 +148,8 @@ pub(super) const QUEUED_AT: &str = "
     SELECT coalesce((SELECT at FROM events WHERE job_id = jobs.id ORDER BY seq DESC LIMIT 1), submitted_at)
     FROM jobs WHERE seq = ?";
 
-// `sqlite_sequence` has the highest number of each table. It never goes down, even when rows are deleted.
+// `sqlite_sequence` has the highest number of each table, with PostgreSQL except for events. It never goes down, even when rows are
+// deleted.
 
 /// The number of the newest event ever; null before the first. PostgreSQL notes the numbers of deleted events alone.
 macro_rules! last_event {

@@ -7,7 +7,7 @@
 //! | `INDEXED BY name` | nothing | it has no such words; the session of the writer prefers indexes |
 //! | `CROSS JOIN t ON …` | `JOIN t ON …` | for SQLite, `CROSS` fixes the order of loops; PostgreSQL refuses a condition there |
 //! | `json_object(` | `json_build_object(` | the name of the function |
-//! | `sqlite_sequence` | `row_numbers` | the table with the highest number of each table |
+//! | `sqlite_sequence` | `row_numbers` | the table with the highest number of each table, and of the events that were deleted |
 
 use std::collections::HashMap;
 use std::sync::{Arc, LazyLock, PoisonError, RwLock};

@@ -4,6 +4,7 @@ use roost_api::ids::WorkerId;
 use roost_api::time::Timestamp;
 use uuid::Uuid;
 
+use super::super::claims::TAKE_IN_POSTGRES;
 use super::super::database::{AssertSqlSafe, Connection, query, query_scalar, raw_sql};
 use super::super::eligible_jobs::{eligible_jobs, eligible_jobs_of_writer, rounds_in};
 use super::super::leader_tables::{WRONG, advance};
@@ -27,17 +28,16 @@ async fn execute(store: &Store, sql: &'static str) {
     write.await.unwrap();
 }
 
-/// The pages that a query on the connection of the writer reads.
-async fn pages(store: &Store, sql: &'static str, is_claim: bool) -> u64 {
+/// The pages that a statement on the connection of the writer reads. A search for jobs has the worker as its first parameter.
+async fn pages(store: &Store, sql: &'static str, parameter: &'static str) -> u64 {
     let read = store.writer.write(move |tx| {
         Box::pin(async move {
             advance(tx).await?;
             let explain = AssertSqlSafe(format!("EXPLAIN (ANALYZE, BUFFERS, TIMING OFF) {sql}"));
-            let asked = query_scalar::<String>(explain);
-            let asked = match is_claim {
-                true => asked.bind(WORKER).bind(0).bind(0).bind(8).bind(false).bind(8),
-                false => asked.bind("[0]"),
-            };
+            let mut asked = query_scalar::<String>(explain).bind(parameter);
+            if parameter == WORKER {
+                asked = asked.bind(0).bind(0).bind(8).bind(false).bind(8);
+            }
             Ok(asked.fetch_all(tx).await?)
         })
     });
@@ -80,15 +80,18 @@ async fn claims_pass_over_no_old_versions_that_an_open_transaction_keeps() {
     // The first claim afterwards finds the first job.
     assert_eq!(claim(&store).await, 8);
     let engine = Engine::Postgres;
-    let by_reader = pages(&store, eligible_jobs(engine), true).await;
-    let by_writer = pages(&store, eligible_jobs_of_writer(engine), true).await;
+    let by_reader = pages(&store, eligible_jobs(engine), WORKER).await;
+    let by_writer = pages(&store, eligible_jobs_of_writer(engine), WORKER).await;
     assert!(by_reader > 300, "{by_reader} pages: old versions remain");
     assert!(by_writer < 40, "{by_writer} pages");
     let all = "SELECT round FROM fair_share WHERE (priority, owner) = (0, 0) AND ?1 = '[0]'";
     let (by_equality, from_the_end) =
-        (pages(&store, all, false).await, pages(&store, rounds_in(engine), false).await);
+        (pages(&store, all, "[0]").await, pages(&store, rounds_in(engine), "[0]").await);
     assert!(by_equality > 25, "{by_equality} pages: old versions remain");
     assert!(from_the_end < 12, "{from_the_end} pages");
+    let share = TAKE_IN_POSTGRES.split(';').nth(2).unwrap();
+    let changing = pages(&store, share, r#"[{"seq": 4990, "round": 1, "served": 1}]"#).await;
+    assert!(changing < 30, "{changing} pages");
     store.close().await;
 }
 

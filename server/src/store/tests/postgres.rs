@@ -118,17 +118,25 @@ async fn a_session_that_ends_between_writes_is_replaced() {
 }
 
 #[tokio::test]
-async fn every_session_of_the_writer_prefers_indexes() {
+async fn every_session_of_the_writer_has_its_settings_and_tables() {
     let place = Place::postgres();
     let store = place.open().await;
+    let jobs = "INSERT INTO scenarios (digest, body) VALUES ('d', '{}');
+                INSERT INTO jobs (id, scenario_digest, seed, priority, queue_position, labels, cache, submitted_at, state, lease_expires_at)
+                VALUES ('a', 'd', 1, 0, 0, '{}', 'use', 0, 'running', 1), ('b', 'd', 1, 0, 0, '{}', 'use', 0, 'queued', NULL)";
+    let write = store.writer.write(move |tx| Box::pin(async move { Ok(raw_sql(jobs).execute(tx).await?) }));
+    write.await.unwrap();
     for connection in ["the first", "another"] {
         let setting = store.writer.write(|tx| {
             Box::pin(async move {
-                let sql = "SELECT current_setting('enable_seqscan')";
-                Ok(query_scalar::<String>(sql).fetch_one(&mut *tx).await?)
+                let sql = "SELECT string_agg(name || ' ' || setting, ', ' ORDER BY name) FROM pg_settings WHERE name LIKE 'enable_%scan'
+                               AND setting = 'off' OR name = 'plan_cache_mode'";
+                let settings = query_scalar::<String>(sql).fetch_one(&mut *tx).await?;
+                Ok((settings, query_scalar::<i64>(leader_tables::WRONG).fetch_one(tx).await?))
             })
         });
-        assert_eq!(setting.await.unwrap(), "off", "{connection}");
+        let expected = "enable_bitmapscan off, enable_seqscan off, plan_cache_mode force_generic_plan";
+        assert_eq!(setting.await.unwrap(), (expected.to_owned(), 0), "{connection}");
         end_sessions(&place).await;
         count(&store).await.unwrap();
     }
@@ -193,6 +201,16 @@ async fn an_unusable_postgresql_is_refused_at_the_start() {
     assert!(matches!(error, StoreError::Newer { found: 9999, .. }), "{error:?}");
     let error = TokenFile::open(&place.location, true).await.err().expect("refused");
     assert!(matches!(error, StoreError::Newer { found: 9999, .. }), "{error:?}");
+
+    let place = Place::postgres();
+    let mut owner = Connection::from(address(&place).connect().await.unwrap().0);
+    let name: String = query_scalar("SELECT current_database()::text").fetch_one(&mut owner).await.unwrap();
+    let plain = format!(
+        "CREATE ROLE plain LOGIN; GRANT ALL ON SCHEMA public TO plain; REVOKE TEMPORARY ON DATABASE {name} FROM PUBLIC"
+    );
+    raw_sql(AssertSqlSafe(plain)).execute(&mut owner).await.unwrap();
+    let error = open(&place.address().replace("roost@", "plain@").parse().unwrap()).await;
+    assert!(error.to_string().contains("may not make temporary tables"), "{error}");
 
     let place = Place::postgres();
     let mut owner = Connection::from(address(&place).connect().await.unwrap().0);

@@ -21,6 +21,26 @@ const OTHERS: &str = "
     INSERT INTO submissions (token_id, key, fingerprint, resource_id, created_at) VALUES ('', 'k', 'f', 'r', 0);
     DELETE FROM deletions";
 
+/// PostgreSQL notes the numbers of deleted events alone.
+#[tokio::test]
+async fn a_copy_of_postgresql_continues_the_numbers_of_its_events() {
+    let (first, second) = (Place::postgres(), Place::postgres());
+    let store = first.open().await;
+    run_seed(&store, 0, false).await;
+    let newest = store.event_range().await.unwrap().1;
+    let before = versions(&store).await;
+    store.close().await;
+    transfer(&first.location, &second.location).await.unwrap();
+    let store = second.open().await;
+    assert_eq!((store.event_range().await.unwrap().1, versions(&store).await), (newest, before));
+    let next = "INSERT INTO events (at, job_id, state, attempt, cancelling) VALUES (0, 'j', 'queued', 0, 0) RETURNING seq";
+    let next = store
+        .writer
+        .write(move |tx| Box::pin(async move { Ok(query_scalar::<i64>(next).fetch_one(tx).await?) }));
+    assert_eq!(next.await.unwrap(), newest + 1);
+    store.close().await;
+}
+
 async fn versions(store: &Store) -> Vec<Option<String>> {
     let mut versions = Vec::new();
     for subject in [Subject::Everything, Subject::Studies, Subject::Workers, Subject::Meshes] {
