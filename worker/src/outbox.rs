@@ -199,6 +199,16 @@ impl Outbox {
         self.sync_folder()
     }
 
+    /// Copies a refused delivery to `refused/`, and puts a report about it in its place, without frames. After a failure, such as a full disk,
+    /// the delivery still waits.
+    pub fn replace_refused(&self, path: &Path, report: &Delivery) -> io::Result<PathBuf> {
+        let name = path.file_name().unwrap_or_default();
+        fs::copy(path, self.folder.join("refused").join(name))?;
+        let replaced = self.put(report)?;
+        ignore_missing(fs::remove_dir_all(path.with_extension(FRAMES_EXTENSION)))?;
+        Ok(replaced)
+    }
+
     fn sync_folder(&self) -> io::Result<()> {
         File::open(&self.folder)?.sync_all()
     }

@@ -116,7 +116,12 @@ impl OutboxPass<'_> {
             let delivery = match on_disk(move || outbox.read(&from)).await {
                 Ok(Some(delivery)) if group.is_empty() || !is_alone(&delivery) => delivery,
                 Ok(None) => continue,
-                Err(error) if group.is_empty() => return Err(error),
+                // The others do not wait for it.
+                Err(error) if group.is_empty() => {
+                    tracing::error!(%error, path = %path.display(), "cannot read a delivery");
+                    self.is_empty = false;
+                    continue;
+                }
                 // The group goes first: this one goes alone, or cannot be read.
                 Ok(Some(_)) | Err(_) => {
                     self.paths.push_front(path);
@@ -209,13 +214,12 @@ impl OutboxPass<'_> {
                 return Ok(());
             }
             Err(error) => {
-                tracing::error!(job = %delivery.job_id, %error, "the server refuses a delivery; moved it to `refused`");
-                on_disk(move || outbox.set_aside(&path)).await?;
+                tracing::error!(job = %delivery.job_id, %error, "the server refuses a delivery, which goes to `refused`");
                 if let Some(report) = delivery.clone().as_failure(&error) {
-                    let outbox = self.session.outbox.clone();
-                    self.paths.push_front(on_disk(move || outbox.put(&report)).await?);
+                    self.paths.push_front(on_disk(move || outbox.replace_refused(&path, &report)).await?);
                     return Ok(());
                 }
+                on_disk(move || outbox.set_aside(&path)).await?;
             }
         }
         let key = (delivery.job_id, delivery.attempt);

@@ -135,6 +135,21 @@ async fn short_results_go_together_and_each_has_its_answer() {
 }
 
 #[tokio::test]
+async fn a_file_that_cannot_be_read_holds_up_no_other() {
+    let server = answering("200 OK", "application/json", "{}").await;
+    let folder = tempfile::tempdir().unwrap();
+    let config = WorkerConfig::new(&server, "worker", folder.path());
+    let session = Session::open(config, &CancellationToken::new()).unwrap();
+    let job = add_result(&session, result()).await;
+    let stored = session.outbox.waiting().unwrap().remove(0);
+    // A folder has no content. Its name comes first.
+    let unreadable = stored.with_file_name("0-1.json");
+    std::fs::create_dir(&unreadable).unwrap();
+    assert!(!deliver_waiting(&session).await.unwrap(), "the outbox is not empty");
+    assert_eq!(session.outbox.waiting().unwrap(), [unreadable], "{job} is delivered");
+}
+
+#[tokio::test]
 async fn results_go_one_by_one_where_they_cannot_go_together() {
     let unknown = r#"{"type":"/problems/not-found","title":"x","status":404,"detail":"there is no path"}"#;
     let internal = r#"{"type":"/problems/internal","title":"x","status":500,"detail":"a bug"}"#;
