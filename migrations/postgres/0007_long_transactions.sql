@@ -5,17 +5,8 @@
 -- before its first job that claims look at, and `running_jobs` has the running jobs. Triggers keep both up to date. Other sessions lack
 -- them.
 
-CREATE OR REPLACE FUNCTION jobs_changed() RETURNS trigger LANGUAGE plpgsql AS $$
+CREATE FUNCTION jobs_followed() RETURNS trigger LANGUAGE plpgsql AS $$
 BEGIN
-    INSERT INTO events (at, sweep_id, job_id, state, attempt, cancelling, paused, failure_class)
-    SELECT floor(extract(epoch FROM clock_timestamp()) * 1000)::bigint, changed.sweep_id, changed.id, changed.state,
-           changed.attempt, changed.cancelling, changed.paused, changed.failure_class
-    FROM (SELECT seq, sweep_id, id, state, attempt, cancelling, paused, failure_class, not_before, alone FROM new_rows
-          EXCEPT
-          SELECT seq, sweep_id, id, state, attempt, cancelling, paused, failure_class, not_before, alone FROM old_rows) AS changed
-    ORDER BY changed.seq;
-    DELETE FROM checkpoints USING new_rows AS changed
-    WHERE checkpoints.job_id = changed.id AND changed.ended_at IS NOT NULL;
     IF to_regclass('pg_temp.queue_heads') IS NOT NULL THEN
         INSERT INTO pg_temp.queue_heads AS known (priority, owner, queue, queue_position, seq)
         SELECT DISTINCT ON (priority, owner, queue) priority, owner, queue, queue_position, seq FROM new_rows
@@ -33,26 +24,13 @@ BEGIN
 END
 $$;
 
-CREATE FUNCTION jobs_added() RETURNS trigger LANGUAGE plpgsql AS $$
-BEGIN
-    IF to_regclass('pg_temp.queue_heads') IS NOT NULL THEN
-        INSERT INTO pg_temp.queue_heads AS known (priority, owner, queue, queue_position, seq)
-        SELECT DISTINCT ON (priority, owner, queue) priority, owner, queue, queue_position, seq FROM new_rows
-        WHERE state = 'queued' AND not_before IS NULL AND paused = 0
-        ORDER BY priority, owner, queue, queue_position, seq
-        ON CONFLICT (priority, owner, queue) DO UPDATE SET queue_position = excluded.queue_position, seq = excluded.seq
-        WHERE (excluded.queue_position, excluded.seq) < (known.queue_position, known.seq);
-        INSERT INTO pg_temp.running_jobs (seq, worker_id, alone) SELECT seq, worker_id, alone FROM new_rows WHERE state = 'running';
-    END IF;
-    RETURN NULL;
-END
-$$;
-
-CREATE TRIGGER jobs_add AFTER INSERT ON jobs
-    REFERENCING NEW TABLE AS new_rows FOR EACH STATEMENT EXECUTE FUNCTION jobs_added();
+CREATE TRIGGER jobs_follow_insert AFTER INSERT ON jobs
+    REFERENCING NEW TABLE AS new_rows FOR EACH STATEMENT EXECUTE FUNCTION jobs_followed();
+CREATE TRIGGER jobs_follow_update AFTER UPDATE ON jobs
+    REFERENCING NEW TABLE AS new_rows FOR EACH STATEMENT EXECUTE FUNCTION jobs_followed();
 
 -- A place in `queue_heads` may lie before the first job of its queue, or be that of an empty queue.
-CREATE FUNCTION jobs_removed() RETURNS trigger LANGUAGE plpgsql AS $$
+CREATE FUNCTION jobs_unfollowed() RETURNS trigger LANGUAGE plpgsql AS $$
 BEGIN
     IF to_regclass('pg_temp.running_jobs') IS NOT NULL THEN
         DELETE FROM pg_temp.running_jobs AS known USING old_rows WHERE known.seq = old_rows.seq;
@@ -61,8 +39,8 @@ BEGIN
 END
 $$;
 
-CREATE TRIGGER jobs_remove AFTER DELETE ON jobs
-    REFERENCING OLD TABLE AS old_rows FOR EACH STATEMENT EXECUTE FUNCTION jobs_removed();
+CREATE TRIGGER jobs_follow_delete AFTER DELETE ON jobs
+    REFERENCING OLD TABLE AS old_rows FOR EACH STATEMENT EXECUTE FUNCTION jobs_unfollowed();
 
 -- Each claim and result adds events. The highest number is that of the newest stored event, or of a deleted one, which is noted.
 DROP TRIGGER events_numbered ON events;
