@@ -18,7 +18,7 @@ use crate::store::{Expired, StoreError};
 /// Interval of deletion.
 const DELETE_EVERY: Duration = Duration::from_secs(600);
 
-/// Interval at which the temporary tables of a leader on PostgreSQL are filled anew.
+/// Interval at which the temporary tables of a leader on PostgreSQL are filled again.
 const REFILL_EVERY: Duration = Duration::from_secs(60);
 
 /// Interval of the removal of checkpoints.

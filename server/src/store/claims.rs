@@ -12,11 +12,11 @@ use roost_api::lease::ClaimedAttempt;
 use serde_json::{Value, json};
 use uuid::Uuid;
 
-use statements::ARRIVE_IN_POSTGRES;
-pub(super) use statements::{ARRIVE, COMPUTE_FILLS, RECORD_SLOTS, REPEAT, TAKE, TAKE_IN_POSTGRES, USE_FILLS};
-
 use super::batcher::{Batcher, waves};
 use super::candidates::{FillNumbers, candidates};
+use super::claim_statements::{
+    ARRIVE, ARRIVE_IN_POSTGRES, COMPUTE_FILLS, RECORD_SLOTS, REPEAT, TAKE, TAKE_IN_POSTGRES, USE_FILLS,
+};
 use super::columns::{Columns, to_json};
 use super::database::{Connection, Engine, Row, query};
 use super::eligible_jobs::rounds;
@@ -277,5 +277,3 @@ fn attempt(row: &Row, claim: Claim) -> Result<ClaimedAttempt, StoreError> {
         lease_expires_at: row.moment("lease_expires_at")?,
     })
 }
-
-mod statements;

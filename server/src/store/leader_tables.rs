@@ -6,14 +6,12 @@
 //! that claims look at, and `running_jobs` has the running jobs. Triggers keep both up to date, within the same transaction.
 //!
 //! Rows that each claim changes have the same trouble: an equality finds their versions from the oldest on. The newest version has the
-//! last entry of its key in an index, so that a range of one key, searched from its end, finds it at once.
+//! last entry of its key in an index, unless it took the free space of deleted rows. A range of one key, searched from its end, then finds
+//! it at once.
 
 use super::database::{Connection, Engine, query, raw_sql};
 use super::eligible_jobs::{claimable, heads};
 use super::{Store, StoreError};
-
-/// The code of PostgreSQL for a right that the role lacks.
-const INSUFFICIENT_PRIVILEGE: &str = "42501";
 
 /// Makes the tables. The next [`fill`] fills them.
 const CREATE: &str = "
@@ -86,19 +84,11 @@ pub(super) async fn prepare(connection: &mut Connection) -> Result<(), StoreErro
     if connection.engine() == Engine::Sqlite {
         return Ok(());
     }
-    let created = raw_sql(CREATE).execute(&mut *connection).await;
-    if let Err(sqlx::Error::Database(error)) = &created
-        && error.code().as_deref() == Some(INSUFFICIENT_PRIVILEGE)
-    {
-        let reason =
-            "the role may not make temporary tables there: grant it TEMPORARY on the database".to_owned();
-        return Err(StoreError::Unsuitable { database: "the database".to_owned(), reason });
-    }
-    created?;
+    raw_sql(CREATE).execute(&mut *connection).await?;
     fill(connection).await
 }
 
-/// Fills the tables anew.
+/// Fills the tables again.
 async fn fill(connection: &mut Connection) -> Result<(), StoreError> {
     query(FILL).execute(connection).await?;
     Ok(())
@@ -113,7 +103,7 @@ pub(super) async fn advance(tx: &mut Connection) -> Result<(), StoreError> {
 }
 
 impl Store {
-    /// Fills the temporary tables anew. They then show also what an operator changed by hand, and give back the space of deleted rows.
+    /// Fills the temporary tables again. They then show also what an operator changed by hand, and give back the space of deleted rows.
     pub(crate) async fn refill_leader_tables(&self) -> Result<(), StoreError> {
         if self.readers.engine() == Engine::Sqlite {
             return Ok(());

@@ -10,6 +10,7 @@ mod batcher;
 mod bucket;
 mod candidates;
 mod checkpoint;
+mod claim_statements;
 mod claims;
 mod columns;
 mod database;

@@ -28,7 +28,7 @@ const WRITER_LIMITS: [(&str, &str); 2] = [("statement_timeout", "60s"), ("lock_t
 /// The writer prefers indexes, whatever the statistics say. A new database has none: a plan made then would read whole tables, and stay
 /// until PostgreSQL analyses the grown tables. PostgreSQL would also compile each plan that has to read a whole table. A scan by a bitmap
 /// does not mark the entries of old versions, so that each later scan would visit them again. Without generic plans, PostgreSQL plans the
-/// search for jobs of each claim anew, which takes three times as long as the search itself.
+/// search for jobs of each claim again, which takes three times as long as the search itself.
 const WRITER_PLANS: &str =
     "SELECT set_config('enable_seqscan', 'off', false), set_config('enable_bitmapscan', 'off', false),
         set_config('enable_hashjoin', 'off', false), set_config('enable_mergejoin', 'off', false), set_config('jit', 'off', false),
@@ -153,10 +153,17 @@ impl Address {
         connection: &mut PgConnection,
         sessions: &mut Vec<i32>,
     ) -> Result<(), StoreError> {
-        let primary = "SELECT NOT pg_is_in_recovery() AND current_setting('default_transaction_read_only') = 'off', pg_backend_pid()";
-        let (writes, session): (bool, i32) = sqlx::query_as(primary).fetch_one(&mut *connection).await?;
+        let primary = "SELECT NOT pg_is_in_recovery() AND current_setting('default_transaction_read_only') = 'off', pg_backend_pid(),
+                              has_database_privilege(current_database(), 'TEMPORARY')";
+        let (writes, session, makes_temporary): (bool, i32, bool) =
+            sqlx::query_as(primary).fetch_one(&mut *connection).await?;
         if !writes {
             return Err(StoreError::ReadOnly(self.to_string()));
+        }
+        if !makes_temporary {
+            let reason =
+                "its role may not make temporary tables: run GRANT TEMPORARY ON DATABASE … TO …".to_owned();
+            return Err(StoreError::Unsuitable { database: self.to_string(), reason });
         }
         // An acknowledged write is on disk, whatever the setting of the database.
         let durable = "SELECT set_config('synchronous_commit', 'on', false) WHERE current_setting('synchronous_commit') = 'off'";

@@ -4,7 +4,7 @@ use roost_api::ids::WorkerId;
 use roost_api::time::Timestamp;
 use uuid::Uuid;
 
-use super::super::claims::TAKE_IN_POSTGRES;
+use super::super::claim_statements::TAKE_IN_POSTGRES;
 use super::super::database::{AssertSqlSafe, Connection, query, query_scalar, raw_sql};
 use super::super::eligible_jobs::{eligible_jobs, eligible_jobs_of_writer, rounds_in};
 use super::super::leader_tables::{WRONG, advance};

@@ -53,7 +53,7 @@ async fn a_claim_walks_an_index_without_sorting() {
 #[tokio::test]
 async fn frequent_queries_use_an_index() {
     let (store, _dir) = store().await;
-    let arrive = claims::ARRIVE.split(';').nth(1).unwrap();
+    let arrive = claim_statements::ARRIVE.split(';').nth(1).unwrap();
     for (sql, index) in [
         (
             heartbeats::RENEW.split(';').next().unwrap(),
@@ -132,12 +132,12 @@ async fn batched_queries_scan_no_table() {
     let (store, _dir) = store().await;
     let json = |line: &&str| line.contains("VIRTUAL TABLE");
     for sql in [
-        claims::ARRIVE,
-        claims::RECORD_SLOTS,
-        claims::TAKE,
-        claims::REPEAT,
-        claims::COMPUTE_FILLS,
-        claims::USE_FILLS,
+        claim_statements::ARRIVE,
+        claim_statements::RECORD_SLOTS,
+        claim_statements::TAKE,
+        claim_statements::REPEAT,
+        claim_statements::COMPUTE_FILLS,
+        claim_statements::USE_FILLS,
         transitions::CHARGED,
         transitions::END,
         deliveries::RECORD,

@@ -67,7 +67,7 @@ macro_rules! start {
 }
 
 /// Starts attempts of jobs, and advances the fair share of their owners and projects.
-pub(in crate::store) const TAKE: &str = concat!(
+pub(super) const TAKE: &str = concat!(
     start!(),
     "
     INSERT INTO fair_share (priority, owner, queue_position, round, served)
@@ -87,8 +87,8 @@ pub(in crate::store) const TAKE: &str = concat!(
     ON CONFLICT (priority, project) DO UPDATE SET round = excluded.round, turn = excluded.turn, served = excluded.served"
 );
 
-/// The same for PostgreSQL, which finds the newest version of a row from the end of its key (see [`leader_tables`](super::super::leader_tables)).
-pub(in crate::store) const TAKE_IN_POSTGRES: &str = concat!(
+/// The same for PostgreSQL, which finds the newest version of a row from the end of its key (see [`leader_tables`](super::leader_tables)).
+pub(super) const TAKE_IN_POSTGRES: &str = concat!(
     start!(),
     "
     WITH took AS (
@@ -122,7 +122,7 @@ pub(in crate::store) const TAKE_IN_POSTGRES: &str = concat!(
 );
 
 /// Makes new attempts the ones that compute the fills of their jobs, where no attempt has stored or withdrawn them.
-pub(in crate::store) const COMPUTE_FILLS: &str = "
+pub(super) const COMPUTE_FILLS: &str = "
     INSERT INTO fills (fill_digest, solver_revision, backend, device, job_id, attempt, used_at)
     SELECT j.fill_digest, w.solver_revision, w.backend, w.device, j.id, j.attempt, CAST(took.value ->> 'at' AS BIGINT)
     FROM json_each(?) AS took CROSS JOIN jobs j ON j.seq = CAST(took.value ->> 'seq' AS BIGINT) CROSS JOIN workers w ON w.id = j.worker_id
@@ -132,7 +132,7 @@ pub(in crate::store) const COMPUTE_FILLS: &str = "
     WHERE fills.job_id IS NOT NULL";
 
 /// Records the use of stored fills by new attempts.
-pub(in crate::store) const USE_FILLS: &str = "
+pub(super) const USE_FILLS: &str = "
     UPDATE fills SET used_at = CASE WHEN CAST(took.value ->> 'at' AS BIGINT) > fills.used_at
         THEN CAST(took.value ->> 'at' AS BIGINT) ELSE fills.used_at END
     FROM json_each(?) AS took CROSS JOIN jobs j ON j.seq = CAST(took.value ->> 'seq' AS BIGINT) CROSS JOIN workers w ON w.id = j.worker_id
@@ -140,7 +140,7 @@ pub(in crate::store) const USE_FILLS: &str = "
       AND fills.backend = w.backend AND fills.device = w.device AND fills.object_digest IS NOT NULL";
 
 /// Renews the leases of attempts that a request claimed and that still run.
-pub(in crate::store) const REPEAT: &str = concat!(
+pub(super) const REPEAT: &str = concat!(
     "
     UPDATE jobs SET lease_expires_at = ?
     FROM attempts a
@@ -174,11 +174,10 @@ macro_rules! arrive {
     };
 }
 
-pub(in crate::store) const ARRIVE: &str = arrive!("jobs WHERE worker_id = me.id AND state = 'running'");
+pub(super) const ARRIVE: &str = arrive!("jobs WHERE worker_id = me.id AND state = 'running'");
 
 pub(super) const ARRIVE_IN_POSTGRES: &str = arrive!("running_jobs WHERE worker_id = me.id");
 
 /// Records how many jobs workers can run at the same time.
-pub(in crate::store) const RECORD_SLOTS: &str =
-    "UPDATE workers SET slots = CAST(found.value ->> 'slots' AS BIGINT)
+pub(super) const RECORD_SLOTS: &str = "UPDATE workers SET slots = CAST(found.value ->> 'slots' AS BIGINT)
     FROM json_each(?) AS found WHERE workers.id = found.value ->> 'worker'";
