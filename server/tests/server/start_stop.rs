@@ -66,7 +66,7 @@ async fn address_in_use_is_named() {
 
 #[tokio::test]
 async fn open_long_polls_do_not_delay_shutdown() {
-    let (server, _dir) = TestServer::start().await;
+    let (server, _dir) = TestServer::with(|config| config.lease = Duration::from_secs(1)).await;
     let mut requests = Vec::new();
     for _ in 0..3 {
         requests.push(server.worker("cpu").await.claim_request(1, 30.0));
@@ -77,7 +77,7 @@ async fn open_long_polls_do_not_delay_shutdown() {
         rows.map(|worker| text(&worker["last_seen_at"]).to_owned()).collect::<Vec<_>>()
     };
     let registered = seen().await;
-    tokio::time::sleep(Duration::from_millis(5)).await; // times have milliseconds
+    tokio::time::sleep(Duration::from_millis(300)).await; // a claim counts four times per lease
     let url = format!("http://{}/v1/claims", server.address);
     let polls: Vec<_> =
         requests.iter().map(|request| tokio::spawn(server.http.post(&url).json(request).send())).collect();
