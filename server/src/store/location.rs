@@ -1,7 +1,7 @@
 //! Where a database is, and opening it: a SQLite file, or PostgreSQL.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::str::FromStr;
 
 use sqlx::SqliteConnection;
@@ -56,40 +56,44 @@ pub(super) struct Opened {
     pub(super) writing: Connection,
     /// Name and version of the database.
     pub(super) version: String,
-    pub(super) readers: Pool,
-    /// The connection that copies the write-ahead log of SQLite.
-    pub(super) copier: Option<SqliteConnection>,
     /// The write-ahead log of SQLite, which the server flushes.
     pub(super) log: Option<PathBuf>,
     /// How the writing connection is opened again.
     pub(super) line: Line,
 }
 
-/// Opens and migrates a database for a server that leads.
+/// Opens and migrates a database for a server that leads, on the thread of the writer.
 pub(super) async fn open(place: &Location, edition: Edition) -> Result<Opened, StoreError> {
     match place {
-        Location::File(path) => open_file(path, edition).await,
+        Location::File(path) => {
+            let (mut writing, version) = sqlite::connect(sqlite::writer_options(path)).await?;
+            let log = sqlite::settle_log(&mut writing).await?;
+            let mut writing = Connection::from(writing);
+            edition.take_lead(&mut writing).await?;
+            let version = format!("SQLite {version}");
+            Ok(Opened { writing, version, log: Some(log), line: Line::file() })
+        }
         Location::Postgres(address) => {
             let mut sessions = Vec::new();
             let (writing, version) = address.connect_writer(&mut sessions).await?;
             let mut writing = Connection::from(writing);
             edition.take_lead(&mut writing).await?;
-            let readers = Pool::Postgres(address.readers());
             let line = Line::postgres(address.clone(), edition, sessions);
-            Ok(Opened { writing, version, readers, copier: None, log: None, line })
+            Ok(Opened { writing, version, log: None, line })
         }
     }
 }
 
-async fn open_file(path: &Path, edition: Edition) -> Result<Opened, StoreError> {
-    let (mut writing, version) = sqlite::connect(sqlite::writer_options(path)).await?;
-    let log = sqlite::settle_log(&mut writing).await?;
-    let mut writing = Connection::from(writing);
-    edition.take_lead(&mut writing).await?;
-    let readers = Pool::Sqlite(sqlite::readers(path).await?);
-    let (copier, _) = sqlite::connect(sqlite::options(path).create_if_missing(false)).await?;
-    let version = format!("SQLite {version}");
-    Ok(Opened { writing, version, readers, copier: Some(copier), log: Some(log), line: Line::file() })
+/// The readers of an open database. Of SQLite, also the connection that copies the write-ahead log.
+pub(super) async fn open_readers(place: &Location) -> Result<(Pool, Option<SqliteConnection>), StoreError> {
+    match place {
+        Location::File(path) => {
+            let readers = Pool::Sqlite(sqlite::readers(path).await?);
+            let (copier, _) = sqlite::connect(sqlite::options(path).create_if_missing(false)).await?;
+            Ok((readers, Some(copier)))
+        }
+        Location::Postgres(address) => Ok((Pool::Postgres(address.readers()), None)),
+    }
 }
 
 /// Opens and migrates a database that no server uses. Of a file, the caller knows.

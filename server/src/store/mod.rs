@@ -71,6 +71,7 @@ use std::time::Duration;
 use prometheus_client::metrics::histogram::Histogram;
 use tokio::sync::Mutex;
 use tokio::task::JoinHandle;
+use tokio_util::task::AbortOnDropHandle;
 
 pub(crate) use asks::AskedRuns;
 pub use backup::BackupReport;
@@ -109,7 +110,7 @@ pub(crate) use trials::{MAX_DOCUMENTS, TrialDocument, TrialPlace};
 pub(crate) use versions::{QueueCounts, Subject};
 pub(crate) use waiting::{CountedJobs, QueueGroup, QueuePlace, by_owner};
 pub(crate) use workers::{OnlineWorker, meets};
-use writer::Writer;
+use writer::{Thread, Writer};
 
 /// The folder of objects, beside the database.
 pub(crate) const OBJECTS: &str = "objects";
@@ -150,12 +151,19 @@ impl Store {
         bucket: Option<&Bucket>,
     ) -> Result<Self, StoreError> {
         let objects = objects::Objects::open(folder, bucket).await?;
-        let Opened { mut writing, version, readers, copier, log, line } =
-            location::open(place, edition).await?;
-        meshes::sweep(&mut writing).await?;
-        deletion::mark_leftovers(&mut writing).await?;
-        leader_tables::prepare(&mut writing).await?;
-        let writer = Arc::new(Writer::open(writing, line, log.as_deref())?);
+        let thread = Thread::start()?;
+        let here = place.clone();
+        let opening = thread.spawn(async move {
+            let mut opened = location::open(&here, edition).await?;
+            meshes::sweep(&mut opened.writing).await?;
+            deletion::mark_leftovers(&mut opened.writing).await?;
+            leader_tables::prepare(&mut opened.writing).await?;
+            Ok::<_, StoreError>(opened)
+        });
+        let opened = AbortOnDropHandle::new(opening).await.map_err(|_| StoreError::WriterGone)?;
+        let Opened { writing, version, log, line } = opened?;
+        let (readers, copier) = location::open_readers(place).await?;
+        let writer = Arc::new(Writer::open(&thread, writing, line, log.as_deref())?);
         let commits = writer.commits().clone();
         let copying = copier.map(|copier| checkpoint::run(copier, move || commits.count(), writer.end()));
         let checkpoints = Mutex::new(copying.map(tokio::spawn));

@@ -1,7 +1,8 @@
-//! The writer: a task that owns the only writing connection and commits in groups.
+//! The writer: a task that owns the only writing connection and commits in groups. It has a [`Thread`] of its own.
 //!
 //! The database has one writer at a time, and a commit costs a flush to disk. Writes that queue up during a transaction form the next group:
 //! a transaction with a savepoint per write, `COMMIT`, for SQLite a flush by the [`Flusher`], then the answers. A failed write is rolled back alone.
+//! A group takes no writes that come after its beginning: their clients would then wait together, and the writer for all of them.
 //! A transaction awaits only SQL on this connection and the encoding of the next jobs of an extension. A closed connection of the client
 //! does not interrupt it.
 //!
@@ -29,6 +30,7 @@ pub(super) use commits::Commits;
 use group::{Failure, Shared, begin, execute_group, execute_large, roll_back};
 pub(super) use line::Line;
 pub(super) use outages::{Outages, STALL};
+pub(super) use thread::Thread;
 
 use super::StoreError;
 use super::database::{Connection, Engine, postgres};
@@ -123,9 +125,14 @@ enum Message {
 }
 
 impl Writer {
-    /// Starts the task. It flushes the write-ahead log at `log` after each commit.
-    pub(super) fn open(connection: Connection, line: Line, log: Option<&Path>) -> io::Result<Self> {
-        Self::spawn((connection, line), |seconds, ended| {
+    /// Starts the task on the thread that opened the connection. It flushes the write-ahead log at `log` after each commit.
+    pub(super) fn open(
+        thread: &Thread,
+        connection: Connection,
+        line: Line,
+        log: Option<&Path>,
+    ) -> io::Result<Self> {
+        Self::spawn(thread, (connection, line), |seconds, ended| {
             log.map(|log| Flusher::start(log, seconds, ended)).transpose()
         })
     }
@@ -136,10 +143,11 @@ impl Writer {
         connection: impl Into<Connection>,
         flusher: impl FnOnce(Histogram, CancellationToken) -> io::Result<Option<Flusher>>,
     ) -> io::Result<Self> {
-        Self::spawn((connection.into(), Line::file()), flusher)
+        Self::spawn(&Thread::start()?, (connection.into(), Line::file()), flusher)
     }
 
     fn spawn(
+        thread: &Thread,
         opened: (Connection, Line),
         flusher: impl FnOnce(Histogram, CancellationToken) -> io::Result<Option<Flusher>>,
     ) -> io::Result<Self> {
@@ -153,7 +161,7 @@ impl Writer {
         let commit_seconds = Histogram::new(COMMIT_SECONDS);
         let seconds = commit_seconds.clone();
         let flusher = flusher(commit_seconds.clone(), ended.clone())?;
-        let task = tokio::spawn(async move {
+        let task = thread.spawn(async move {
             let _guard = guard;
             run(opened, waiting, &shared, (flusher, seconds)).await;
         });
@@ -376,3 +384,4 @@ mod line;
 mod outages;
 #[cfg(test)]
 mod tests;
+mod thread;

@@ -9,7 +9,7 @@ use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, SqliteConnection};
 
 use super::super::database::query;
-use super::super::writer::{Line, Writer};
+use super::super::writer::{Line, Thread, Writer};
 use super::*;
 
 /// A connection with the settings of the writer, and no copies of the log into the database.
@@ -91,7 +91,13 @@ async fn a_failed_flush_is_an_error_and_ends_the_writer() {
     let mut connection = connect(&dir.path().join("db")).await;
     sqlx::raw_sql("CREATE TABLE t (x)").execute(&mut connection).await.unwrap();
     // This device refuses a flush.
-    let writer = Writer::open(connection.into(), Line::file(), Some(Path::new("/dev/null"))).unwrap();
+    let writer = Writer::open(
+        &Thread::start().unwrap(),
+        connection.into(),
+        Line::file(),
+        Some(Path::new("/dev/null")),
+    )
+    .unwrap();
     let error = insert(&writer, 1).await.unwrap_err();
     assert!(matches!(error, super::super::StoreError::Commit(_)), "{error:?}");
     tokio::time::timeout(Duration::from_secs(20), writer.ended()).await.expect("the writer has ended");

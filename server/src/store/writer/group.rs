@@ -133,7 +133,7 @@ pub(super) async fn execute_large(
     Ok(started)
 }
 
-/// Executes the first write and those that queue up meanwhile, and commits. Returns the start of the commit.
+/// Executes the first write and those that are queued now, and commits. Returns the start of the commit.
 pub(super) async fn execute_group(
     connection: &mut Connection,
     first: Box<dyn Write>,
@@ -143,7 +143,7 @@ pub(super) async fn execute_group(
     commits: &Commits,
 ) -> Result<Instant, Failure> {
     let mut piece = first;
-    let group = Phrases::of(connection).group;
+    let group = Phrases::of(connection).group.min(1 + waiting.len());
     loop {
         let keep = run_piece(connection, piece, finished).await?;
         let more = if finished.len() < group { next.more(waiting) } else { None };
