@@ -47,6 +47,14 @@ const MISCOUNTED: &str = "SELECT count(*) FROM projects p WHERE p.used_core_ms <
     SELECT coalesce(sum(a.core_ms), 0) FROM attempts a JOIN jobs j ON j.id = a.job_id JOIN owners o ON o.id = j.owner
     WHERE o.project = p.id) OR EXISTS (SELECT 1 FROM attempts WHERE (core_ms IS NULL) <> (ended_at IS NULL))";
 
+/// Number of rows that refer to a missing one. PostgreSQL itself does not check the references that claims and results write.
+const DANGLING: &str = "SELECT
+    (SELECT count(*) FROM attempts a WHERE NOT EXISTS (SELECT 1 FROM jobs WHERE id = a.job_id)
+        OR NOT EXISTS (SELECT 1 FROM workers WHERE id = a.worker_id))
+    + (SELECT count(*) FROM jobs j WHERE worker_id IS NOT NULL AND NOT EXISTS (SELECT 1 FROM workers WHERE id = j.worker_id))
+    + (SELECT count(*) FROM results r WHERE NOT EXISTS (SELECT 1 FROM jobs WHERE id = r.job_id)
+        OR NOT EXISTS (SELECT 1 FROM documents WHERE digest = r.document_digest))";
+
 const DEVICE: &str = "simulated";
 const BACKENDS: [&str; 2] = ["cpu", "gpu"];
 const MEMORY: [u32; 2] = [1000, 4000];
@@ -328,6 +336,8 @@ impl<'s> World<'s> {
         self.compare_fills().await;
         let differing: i64 = query_scalar(MISCOUNTED).fetch_one(&self.store.readers).await.unwrap();
         assert_eq!(differing, 0, "projects whose use is not the sum over their attempts");
+        let dangling: i64 = query_scalar(DANGLING).fetch_one(&self.store.readers).await.unwrap();
+        assert_eq!(dangling, 0, "rows that refer to a missing one");
         if self.store.readers.engine() == Engine::Postgres {
             let wrong = self.store.writer.write(|tx| {
                 Box::pin(async move { Ok(query_scalar::<i64>(leader_tables::WRONG).fetch_one(tx).await?) })
