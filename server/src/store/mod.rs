@@ -160,8 +160,13 @@ impl Store {
             leader_tables::prepare(&mut opened.writing).await?;
             Ok::<_, StoreError>(opened)
         });
-        let opened = AbortOnDropHandle::new(opening).await.map_err(|_| StoreError::WriterGone)?;
-        let Opened { writing, version, log, line } = opened?;
+        let Opened { writing, version, log, line } = match AbortOnDropHandle::new(opening).await {
+            Ok(opened) => opened?,
+            Err(error) => match error.try_into_panic() {
+                Ok(panic) => std::panic::resume_unwind(panic),
+                Err(_) => return Err(StoreError::WriterGone),
+            },
+        };
         let (readers, copier) = location::open_readers(place).await?;
         let writer = Arc::new(Writer::open(&thread, writing, line, log.as_deref())?);
         let commits = writer.commits().clone();

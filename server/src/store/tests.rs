@@ -21,6 +21,7 @@ mod outages;
 mod postgres;
 mod projects;
 mod query_plans;
+mod references;
 mod sessions;
 mod studies;
 mod waits;

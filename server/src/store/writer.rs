@@ -10,8 +10,9 @@
 //! before its first change, and each job changes a page.
 //!
 //! A connection to PostgreSQL can break, or stop answering. All writes of its group are then refused, and the next write opens another
-//! connection. If another server leads then, or a newer one has led meanwhile, the writer ends. An idle writer begins a transaction every [`BEAT`]: this shows the
-//! other servers that it lives, and finds a broken connection.
+//! connection. If another server leads then, or a newer one has led meanwhile, the writer ends. A writer without writes begins a transaction every [`BEAT`]: this shows
+//! the other servers that this one lives, and finds a broken connection. The runtime of the server asks for these transactions, so that
+//! they stop if it stops.
 
 use std::future::Future;
 use std::io;
@@ -21,6 +22,7 @@ use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use prometheus_client::metrics::histogram::Histogram;
+use tokio::sync::mpsc::error::TrySendError;
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
@@ -121,6 +123,8 @@ pub(super) struct Writer {
 
 enum Message {
     Work(Box<dyn Write>),
+    /// A transaction is due if there was none for a while.
+    Beat,
     Close,
 }
 
@@ -161,6 +165,9 @@ impl Writer {
         let commit_seconds = Histogram::new(COMMIT_SECONDS);
         let seconds = commit_seconds.clone();
         let flusher = flusher(commit_seconds.clone(), ended.clone())?;
+        if opened.1.can_break() {
+            tokio::spawn(beat(queue.downgrade()));
+        }
         let task = thread.spawn(async move {
             let _guard = guard;
             run(opened, waiting, &shared, (flusher, seconds)).await;
@@ -245,13 +252,17 @@ struct Next {
 
 impl Next {
     /// The first write of a group.
-    async fn first(&mut self, waiting: &mut mpsc::Receiver<Message>) -> Option<Box<dyn Write>> {
-        if self.large.is_some() || self.is_closed {
-            return self.large.take();
+    async fn first(&mut self, waiting: &mut mpsc::Receiver<Message>) -> First {
+        if let Some(large) = self.large.take() {
+            return First::Write(large);
+        }
+        if self.is_closed {
+            return First::End;
         }
         match waiting.recv().await {
-            Some(Message::Work(piece)) => Some(piece),
-            Some(Message::Close) | None => None,
+            Some(Message::Work(piece)) => First::Write(piece),
+            Some(Message::Beat) => First::Beat,
+            Some(Message::Close) | None => First::End,
         }
     }
 
@@ -260,9 +271,30 @@ impl Next {
         match waiting.try_recv().ok()? {
             Message::Work(piece) if piece.is_large() => self.large = Some(piece),
             Message::Work(piece) => return Some(piece),
+            // The transaction that runs is one.
+            Message::Beat => {}
             Message::Close => self.is_closed = true,
         }
         None
+    }
+}
+
+/// What the writer does next.
+enum First {
+    Write(Box<dyn Write>),
+    Beat,
+    End,
+}
+
+/// Asks for transactions until the writer ends.
+async fn beat(queue: mpsc::WeakSender<Message>) {
+    loop {
+        tokio::time::sleep(BEAT / 4).await;
+        let Some(queue) = queue.upgrade() else { return };
+        // A full queue has writes.
+        if let Err(TrySendError::Closed(_)) = queue.try_send(Message::Beat) {
+            return;
+        }
     }
 }
 
@@ -274,17 +306,16 @@ async fn run(
 ) {
     let mut next = Next::default();
     let mut open = Some(connection);
+    let mut last = Instant::now();
     loop {
-        // None for a beat: nobody has written for a while.
-        let first = match line.can_break() {
-            true => timeout(BEAT, next.first(&mut waiting)).await.ok(),
-            false => Some(next.first(&mut waiting).await),
+        let first = match next.first(&mut waiting).await {
+            First::Write(piece) => Some(piece),
+            First::Beat if last.elapsed() < BEAT * 3 / 4 => continue,
+            First::Beat => None,
+            First::End => break,
         };
-        if matches!(first, Some(None)) {
-            break;
-        }
-        let first = first.flatten();
         let began = Instant::now();
+        last = began;
         let is_large = first.as_ref().is_none_or(|first| first.is_large());
         let begun = begin(&mut open, &mut line, is_large, shared).await;
         let connection = match (begun, &mut open) {

@@ -57,6 +57,14 @@ impl Place {
     }
 }
 
+/// Number of rows that refer to a missing one. PostgreSQL itself does not check the references that claims and results write.
+pub(super) const DANGLING: &str = "SELECT
+    (SELECT count(*) FROM attempts a WHERE NOT EXISTS (SELECT 1 FROM jobs WHERE id = a.job_id)
+        OR NOT EXISTS (SELECT 1 FROM workers WHERE id = a.worker_id))
+    + (SELECT count(*) FROM jobs j WHERE worker_id IS NOT NULL AND NOT EXISTS (SELECT 1 FROM workers WHERE id = j.worker_id))
+    + (SELECT count(*) FROM results r WHERE NOT EXISTS (SELECT 1 FROM jobs WHERE id = r.job_id)
+        OR NOT EXISTS (SELECT 1 FROM documents WHERE digest = r.document_digest))";
+
 /// Makes two tests of each function: `name::sqlite` and `name::postgres`.
 macro_rules! on_both_engines {
     ($($name:ident),+ $(,)?) => {

@@ -32,7 +32,7 @@ on_both_engines!(
 const LEASE: Duration = Duration::from_secs(9);
 const HOUR_MS: i64 = 3_600_000;
 
-fn at(ms: i64) -> Now {
+pub(super) fn at(ms: i64) -> Now {
     Now { wall: Timestamp(ms), lease: Timestamp(ms) }
 }
 
@@ -45,7 +45,10 @@ fn budget(core_hours: Option<f64>) -> ProjectChange {
 }
 
 /// A store with projects of these shares, and tokens in each: the ids by project.
-async fn with_projects(place: &Place, projects: &[(&str, u32, usize)]) -> (Store, Vec<Vec<String>>) {
+pub(super) async fn with_projects(
+    place: &Place,
+    projects: &[(&str, u32, usize)],
+) -> (Store, Vec<Vec<String>>) {
     let mut file = TokenFile::open(&place.location, true).await.unwrap();
     let mut tokens = Vec::new();
     for (project, of_project, count) in projects {
@@ -74,15 +77,17 @@ fn hopper(seed: usize) -> Scenario {
 }
 
 /// Submits a sweep of this many jobs.
-async fn submit(store: &Store, token: &str, jobs: usize) {
+pub(super) async fn submit(store: &Store, token: &str, jobs: usize) -> SweepId {
     let one = hopper(1);
     let trial =
         |point| Trial { point: point as u32, replicate: 0, scenario: one.clone(), levels: Some(Map::new()) };
-    let sweep = NewSweep::simulated(SweepId::new(), (token, 0), (0..jobs).map(trial).collect());
+    let id = SweepId::new();
+    let sweep = NewSweep::simulated(id, (token, 0), (0..jobs).map(trial).collect());
     store.insert_sweep(sweep, Timestamp(0), ()).await.unwrap();
+    id
 }
 
-async fn register(store: &Store) -> WorkerId {
+pub(super) async fn register(store: &Store) -> WorkerId {
     let worker_id = WorkerId::new();
     let worker = WorkerRegistration {
         worker_id,
@@ -111,7 +116,7 @@ fn claim_of(worker: WorkerId, max_jobs: u32) -> Claim {
     }
 }
 
-async fn claim(store: &Store, worker: WorkerId, max_jobs: u32, now: Now) -> Vec<(JobId, u32)> {
+pub(super) async fn claim(store: &Store, worker: WorkerId, max_jobs: u32, now: Now) -> Vec<(JobId, u32)> {
     let claimed = store.claim(claim_of(worker, max_jobs), now).await.unwrap().unwrap();
     claimed.attempts.iter().map(|attempt| (attempt.job_id, attempt.attempt)).collect()
 }
@@ -234,7 +239,7 @@ async fn a_project_without_budget_waits_until_the_budget_is_raised(place: Place)
 }
 
 /// Delivers a result of three threads, whose time has no limit.
-async fn succeed(store: &Store, worker: WorkerId, attempt: (JobId, u32), at_ms: i64) {
+pub(super) async fn succeed(store: &Store, worker: WorkerId, attempt: (JobId, u32), at_ms: i64) {
     deliver(store, worker, attempt, Stated { threads: 3, wall_ms: i64::MAX }, at_ms).await;
 }
 

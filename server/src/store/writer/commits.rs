@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// After this time without a transaction, another server may lead, and write. The writer of PostgreSQL makes one every two seconds.
-const ALONE: Duration = Duration::from_secs(5);
+pub(super) const ALONE: Duration = Duration::from_secs(5);
 
 /// Counts the commits of the writer. Readers can see a commit before the writer knows of it: in between, no number is settled.
 #[derive(Clone, Default)]

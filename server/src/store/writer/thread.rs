@@ -20,15 +20,22 @@ pub(in crate::store) struct Thread {
 impl Thread {
     /// Starts the thread.
     pub(in crate::store) fn start() -> io::Result<Self> {
-        let runtime = Builder::new_current_thread().enable_all().build()?;
-        let handle = runtime.handle().clone();
         let (alive, mut ended) = mpsc::channel(1);
-        std::thread::Builder::new().name("writer".to_owned()).spawn(move || {
+        let (built, runtime) = std::sync::mpsc::sync_channel(1);
+        let run = move || {
+            // Built here: a runtime may not be dropped on a thread of another one, which happens if no thread can start.
+            let runtime = match Builder::new_current_thread().enable_all().build() {
+                Ok(runtime) => runtime,
+                Err(error) => return drop(built.send(Err(error))),
+            };
+            let _ = built.send(Ok(runtime.handle().clone()));
             runtime.block_on(async {
                 let _: Option<()> = ended.recv().await;
             });
-        })?;
-        Ok(Self { runtime: handle, _alive: alive })
+        };
+        std::thread::Builder::new().name("writer".to_owned()).spawn(run)?;
+        let runtime = runtime.recv().map_err(io::Error::other)??;
+        Ok(Self { runtime, _alive: alive })
     }
 
     /// Executes `work` on the thread.

@@ -25,6 +25,7 @@ use super::turns::{OWNERS, SHARES};
 use crate::clock::Now;
 use crate::queue::{RetryLimit, RetryPolicy};
 use crate::store::database::{Engine, query, query_scalar, raw_sql};
+use crate::store::testing::DANGLING;
 use crate::store::{NewJob, Store, leader_tables};
 
 /// Scenarios of the jobs: few, so that some results come from the cache. The first three have one fill, the others another.
@@ -46,14 +47,6 @@ fn fill_of(which: usize) -> usize {
 const MISCOUNTED: &str = "SELECT count(*) FROM projects p WHERE p.used_core_ms <> (
     SELECT coalesce(sum(a.core_ms), 0) FROM attempts a JOIN jobs j ON j.id = a.job_id JOIN owners o ON o.id = j.owner
     WHERE o.project = p.id) OR EXISTS (SELECT 1 FROM attempts WHERE (core_ms IS NULL) <> (ended_at IS NULL))";
-
-/// Number of rows that refer to a missing one. PostgreSQL itself does not check the references that claims and results write.
-const DANGLING: &str = "SELECT
-    (SELECT count(*) FROM attempts a WHERE NOT EXISTS (SELECT 1 FROM jobs WHERE id = a.job_id)
-        OR NOT EXISTS (SELECT 1 FROM workers WHERE id = a.worker_id))
-    + (SELECT count(*) FROM jobs j WHERE worker_id IS NOT NULL AND NOT EXISTS (SELECT 1 FROM workers WHERE id = j.worker_id))
-    + (SELECT count(*) FROM results r WHERE NOT EXISTS (SELECT 1 FROM jobs WHERE id = r.job_id)
-        OR NOT EXISTS (SELECT 1 FROM documents WHERE digest = r.document_digest))";
 
 const DEVICE: &str = "simulated";
 const BACKENDS: [&str; 2] = ["cpu", "gpu"];
