@@ -133,7 +133,8 @@ async fn a_write_that_comes_during_a_group_is_in_the_next_one() {
         write.await
     };
     let (first, later) = futures_util::join!(first, later);
-    (first.unwrap(), later.unwrap());
+    first.unwrap();
+    later.unwrap();
     assert_eq!(writer.commits().settled(), Some(2), "each has its own commit");
     writer.close().await;
 }
