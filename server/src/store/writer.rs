@@ -22,7 +22,6 @@ use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use prometheus_client::metrics::histogram::Histogram;
-use tokio::sync::mpsc::error::TrySendError;
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
@@ -32,6 +31,7 @@ pub(super) use commits::Commits;
 use group::{Failure, Shared, begin, execute_group, execute_large, roll_back};
 pub(super) use line::Line;
 pub(super) use outages::{Outages, STALL};
+use queue::{First, Message, Next, beat};
 pub(super) use thread::Thread;
 
 use super::StoreError;
@@ -119,13 +119,6 @@ pub(super) struct Writer {
     commits: Commits,
     outages: Arc<Outages>,
     commit_seconds: Histogram,
-}
-
-enum Message {
-    Work(Box<dyn Write>),
-    /// A transaction is due if there was none for a while.
-    Beat,
-    Close,
 }
 
 impl Writer {
@@ -237,63 +230,6 @@ impl Writer {
         let _ = self.queue.send(Message::Close).await;
         if let Some(task) = self.task.lock().await.take() {
             let _ = task.await;
-        }
-    }
-}
-
-/// The next writes of the queue.
-#[derive(Default)]
-struct Next {
-    /// A large write that came while a group was open.
-    large: Option<Box<dyn Write>>,
-    /// Whether the queue is closed.
-    is_closed: bool,
-}
-
-impl Next {
-    /// The first write of a group.
-    async fn first(&mut self, waiting: &mut mpsc::Receiver<Message>) -> First {
-        if let Some(large) = self.large.take() {
-            return First::Write(large);
-        }
-        if self.is_closed {
-            return First::End;
-        }
-        match waiting.recv().await {
-            Some(Message::Work(piece)) => First::Write(piece),
-            Some(Message::Beat) => First::Beat,
-            Some(Message::Close) | None => First::End,
-        }
-    }
-
-    /// The next write of the same group, if one is queued.
-    fn more(&mut self, waiting: &mut mpsc::Receiver<Message>) -> Option<Box<dyn Write>> {
-        match waiting.try_recv().ok()? {
-            Message::Work(piece) if piece.is_large() => self.large = Some(piece),
-            Message::Work(piece) => return Some(piece),
-            // The transaction that runs is one.
-            Message::Beat => {}
-            Message::Close => self.is_closed = true,
-        }
-        None
-    }
-}
-
-/// What the writer does next.
-enum First {
-    Write(Box<dyn Write>),
-    Beat,
-    End,
-}
-
-/// Asks for transactions until the writer ends.
-async fn beat(queue: mpsc::WeakSender<Message>) {
-    loop {
-        tokio::time::sleep(BEAT / 4).await;
-        let Some(queue) = queue.upgrade() else { return };
-        // A full queue has writes.
-        if let Err(TrySendError::Closed(_)) = queue.try_send(Message::Beat) {
-            return;
         }
     }
 }
@@ -413,6 +349,7 @@ mod commits;
 mod group;
 mod line;
 mod outages;
+mod queue;
 #[cfg(test)]
 mod tests;
 mod thread;

@@ -13,7 +13,8 @@ use tokio::time::timeout;
 use super::commits::Commits;
 use super::line::{Line, Phrases};
 use super::outages::Outages;
-use super::{Finished, Message, Next, Write};
+use super::queue::{Message, Next};
+use super::{Finished, Write};
 use crate::store::StoreError;
 use crate::store::database::{Connection, Engine, postgres, raw_sql};
 
