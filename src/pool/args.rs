@@ -15,18 +15,24 @@ use crate::work::slots;
 /// Time of a worker after its grace: storing checkpoints and delivering results.
 const HAND_BACK: Duration = Duration::from_secs(10);
 
-/// Slurm may send its signal a minute early. A shorter allocation could get it before its worker has started.
-const MIN_TIME_LIMIT: Duration = Duration::from_secs(180);
+/// Shortest time limit: Slurm counts whole minutes.
+const MIN_TIME_LIMIT: Duration = Duration::from_secs(60);
+
+/// Slurm may send its signal a minute early. A shorter allocation could get it before its worker has started, and does without.
+const MIN_SIGNALLED: Duration = Duration::from_secs(180);
+
+/// Default of `KillWait`: time between the end of an allocation without a signal and its kill.
+const KILL_WAIT: Duration = Duration::from_secs(30);
 
 /// Submit workers to Slurm while queued jobs need more workers
 ///
 /// This command is the pool. It runs in the foreground on a machine that has the program `sbatch` of Slurm; the server may be on
 /// another machine. An allocation is a batch job of Slurm that runs `roost work`. An allocation ends when all its workers have
 /// ended. A worker ends when it has had no job of the queue for the time --idle-timeout. A minute before the time limit of an
-/// allocation, its workers store checkpoints and hand their jobs back. The workers do the same if somebody cancels the allocation
-/// with the command scancel, or if Slurm stops the allocation for a more important job. Ctrl-C or SIGTERM ends the pool, but its
-/// allocations continue. If you start the pool again with the same command, the pool finds these allocations and uses them. The
-/// access token needs the scopes `read` and `worker`.
+/// allocation, its workers store checkpoints and hand their jobs back. If this limit is below three minutes, they do so at the
+/// limit. The workers do the same if somebody cancels the allocation with the command scancel, or if Slurm stops the allocation for
+/// a more important job. Ctrl-C or SIGTERM ends the pool, but its allocations continue. If you start the pool again with the same
+/// command, the pool finds these allocations and uses them. The access token needs the scopes `read` and `worker`.
 #[derive(Debug, clap::Args)]
 pub(super) struct SlurmArgs {
     #[command(flatten)]
@@ -43,7 +49,7 @@ pub(super) struct SlurmArgs {
     /// A worker exits after this time without a job of the queue
     #[arg(long, default_value = "5m", value_name = "TIME", value_parser = time)]
     pub(super) idle_timeout: Duration,
-    /// Time limit of an allocation, 3m to 168h; Slurm rounds this time up to full minutes
+    /// Time limit of an allocation, 1m to 168h; Slurm rounds this time up to full minutes
     #[arg(long, default_value = "1h", value_name = "TIME", value_parser = time_limit)]
     pub(super) time_limit: Duration,
     /// The pool forecasts when the present workers will start each queued job. For jobs that start within this time, the pool submits
@@ -98,7 +104,7 @@ fn grace(text: &str) -> Result<u64, String> {
 /// Parses the time limit of an allocation.
 fn time_limit(text: &str) -> Result<Duration, String> {
     let found = time(text).ok().filter(|time| *time >= MIN_TIME_LIMIT);
-    found.ok_or_else(|| "write a time from 3m to 168h, such as 180s, 30m or 24h".to_owned())
+    found.ok_or_else(|| "write a time from 1m to 168h, such as 90s, 30m or 24h".to_owned())
 }
 
 /// Long options of sbatch that the pool sets itself, and those that would break its accounts.
@@ -153,22 +159,31 @@ impl SlurmArgs {
                  to 100000 are allowed"
             ));
         }
-        let most = (self.warning() - HAND_BACK).as_secs();
+        let most = (self.warning().unwrap_or(KILL_WAIT) - HAND_BACK).as_secs();
         if self.grace > most {
+            let signal = match self.warning() {
+                Some(warning) => {
+                    format!("Slurm's signal comes {} s before the time limit", warning.as_secs())
+                }
+                None => {
+                    format!("Slurm kills workers {} s after this time limit by default", KILL_WAIT.as_secs())
+                }
+            };
             return bad(format!(
-                "invalid value '{}' for '--grace': 0 to {most} are allowed, since Slurm's signal comes {} s before the time limit, \
-                 and workers need {} s to hand their jobs back",
+                "invalid value '{}' for '--grace': 0 to {most} are allowed, since {signal}, and workers need {} s to hand their jobs \
+                 back",
                 self.grace,
-                self.warning().as_secs(),
                 HAND_BACK.as_secs()
             ));
         }
         check_sbatch(&self.sbatch).map_err(|why| BadInput(why).into())
     }
 
-    /// Time between Slurm's signal and the time limit: a minute, and less in short allocations.
-    pub(super) fn warning(&self) -> Duration {
-        (self.time_limit / 4).min(Duration::from_secs(60))
+    /// Time between the signal that the pool asks for and the time limit: a minute, and less in short allocations.
+    ///
+    /// The shortest have none: they get SIGTERM at the time limit, and are killed [`KILL_WAIT`] later.
+    pub(super) fn warning(&self) -> Option<Duration> {
+        (self.time_limit >= MIN_SIGNALLED).then(|| (self.time_limit / 4).min(Duration::from_secs(60)))
     }
 
     /// The limits of the decision.
@@ -178,7 +193,7 @@ impl SlurmArgs {
             max_workers: self.max_workers,
             workers_per_alloc: self.workers_per_alloc,
             start_within: self.start_within,
-            work_time: self.time_limit - self.warning(),
+            work_time: self.time_limit - self.warning().unwrap_or_default(),
             retry_pause: self.retry_pause,
         }
     }
@@ -317,11 +332,11 @@ mod tests {
     }
 
     #[test]
-    fn a_time_limit_has_at_least_three_minutes() {
-        assert_eq!(time_limit("180s"), Ok(Duration::from_secs(180)));
+    fn a_time_limit_has_at_least_a_minute() {
+        assert_eq!(time_limit("60s"), Ok(Duration::from_secs(60)));
         assert_eq!(time_limit("168h"), Ok(Duration::from_secs(604_800)));
-        for text in ["179s", "1m", "0", "169h", "1:00:00", ""] {
-            assert!(time_limit(text).is_err_and(|why| why.contains("3m to 168h")), "{text}");
+        for text in ["59s", "0", "169h", "1:00:00", ""] {
+            assert!(time_limit(text).is_err_and(|why| why.contains("1m to 168h")), "{text}");
         }
     }
 }

@@ -50,15 +50,17 @@ impl SlurmSubmission {
 fn arguments(args: &SlurmArgs, name: &str, folder: &str) -> Vec<String> {
     let limit_s = args.time_limit.as_secs();
     let (hours, minutes, seconds) = (limit_s / 3600, limit_s / 60 % 60, limit_s % 60);
-    let own = [
+    let signal = args.warning().map(|warning| format!("--signal=B:TERM@{}", warning.as_secs()));
+    let before = [
         "--parsable".to_owned(),
         format!("--job-name={name}"),
         format!("--time={hours}:{minutes:02}:{seconds:02}"),
-        format!("--signal=B:TERM@{}", args.warning().as_secs()),
+    ];
+    let after = [
         "--no-requeue".to_owned(),
         format!("--output={}", ledger::log_file(Path::new(folder), "%j").display()),
     ];
-    own.into_iter().chain(args.sbatch.iter().cloned()).collect()
+    before.into_iter().chain(signal).chain(after).chain(args.sbatch.iter().cloned()).collect()
 }
 
 /// A path as the scripts have it: they are text.
@@ -249,5 +251,7 @@ mod tests {
     fn a_short_allocation_is_warned_later() {
         let short = submission(&["--time-limit", "3m"]);
         assert!(short.command().contains(" --time=0:03:00 --signal=B:TERM@45 "), "{}", short.command());
+        let shortest = submission(&["--time-limit", "179s"]);
+        assert!(shortest.command().contains(" --time=0:02:59 --no-requeue "), "{}", shortest.command());
     }
 }

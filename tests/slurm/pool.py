@@ -28,7 +28,7 @@ BASE = {"experiment": "hopper", "product": {"count": 2, "subparticle_radius_m": 
 SWEEP = {"name": "pool", "base": BASE, "replicates": JOBS, "factors": [], "design": {"kind": "grid"}, "cache": "bypass",
          "shared_fill": False}
 POOL = ["pool", "slurm", "--token-file", str(FOLDER / "pool.token"), "--backlog", "4", "--max-workers", "4", "--idle-timeout", "20s",
-        "--time-limit", "3m", "--grace", "0", "--interval", "2s", "--start-within", "10s", "--state", str(FOLDER / "pool"), "--",
+        "--time-limit", "1m", "--grace", "0", "--interval", "2s", "--start-within", "10s", "--state", str(FOLDER / "pool"), "--",
         "--partition=main", "--mem=0"]
 
 

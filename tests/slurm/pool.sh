@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# `roost pool slurm` on a Slurm of one node: a sweep of 200 jobs on allocations of three minutes, half of which are cancelled while they run.
+# `roost pool slurm` on a Slurm of one node: a sweep of 200 jobs on allocations of one minute, half of which are cancelled while they run.
 # All 200 results must be there, and no simulated second may be computed twice but those after the last checkpoint.
 #
 #   tests/slurm/pool.sh          200 jobs; some ten minutes on two cores
