@@ -393,3 +393,28 @@ fn files_named(end: &str) -> Vec<String> {
     found.sort();
     found
 }
+
+/// Signatures name what they sign by its digest, and no action can change under its name.
+#[test]
+fn released_images_and_files_are_signed_by_digest() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(root.join(".github/workflows/release.yml")).unwrap();
+    for part in [
+        "IMAGE: ${{ steps.join.outputs.name }}@${{ steps.join.outputs.digest }}",
+        "cosign sign --yes \"$IMAGE\"",
+        "cosign sign-blob --yes --new-bundle-format --bundle SHA256SUMS.sigstore.json SHA256SUMS",
+    ] {
+        assert!(text.contains(part), "{part}");
+    }
+    let actions: Vec<&str> =
+        text.lines().filter_map(|line| line.split_once("uses: ")).map(|it| it.1).collect();
+    assert!(actions.len() > 10, "{actions:?}");
+    assert_eq!(
+        actions.iter().filter(|action| action.starts_with("actions/attest-build-provenance@")).count(),
+        2
+    );
+    for action in actions {
+        let commit = action.split_once('@').and_then(|(_, rest)| rest.split(' ').next()).unwrap_or_default();
+        assert!(commit.len() == 40 && commit.bytes().all(|byte| byte.is_ascii_hexdigit()), "{action}");
+    }
+}

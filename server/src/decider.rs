@@ -5,10 +5,11 @@
 //! waits for a decision, and one study with slow decisions does not hold up the others.
 
 use std::collections::{HashMap, HashSet};
+use std::pin::pin;
 use std::time::Duration;
 
-use futures_util::StreamExt;
-use futures_util::stream::FuturesUnordered;
+use futures_util::stream::{self, FuturesUnordered};
+use futures_util::{Stream, StreamExt};
 use roost_api::ids::SweepId;
 use roost_api::study::{Driver, StudyState};
 use roost_api::sweep::StateCounts;
@@ -35,12 +36,34 @@ pub(crate) async fn run(app: App) {
 }
 
 async fn decide_always(app: &App) {
-    let (mut seen, mut busy) = (HashMap::new(), HashSet::new());
     let places = Semaphore::new(AT_ONCE);
+    decide_about(looks(app), |id, before| decide(app, id, before, &places)).await;
+}
+
+/// The running studies, found again and again.
+fn looks(app: &App) -> impl Stream<Item = Result<Vec<SweepId>, StoreError>> {
+    let mut ticks = interval(INTERVAL);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    stream::unfold(ticks, async move |mut ticks| {
+        ticks.tick().await;
+        Some((running_studies(app).await, ticks))
+    })
+}
+
+/// Decides about the studies that each look finds, one decision about each at a time.
+///
+/// Looks and decisions are polled together. A decision that waits for a connection of the store may get it at any moment, and would
+/// keep it from a look while nobody polls it: all reads of the server would then wait, until the wait for a connection times out.
+async fn decide_about<F>(
+    looks: impl Stream<Item = Result<Vec<SweepId>, StoreError>>,
+    decide: impl Fn(SweepId, Option<Tally>) -> F,
+) where
+    F: Future<Output = Result<Option<Tally>, StoreError>>,
+{
+    let (mut seen, mut busy) = (HashMap::new(), HashSet::new());
     let mut decisions = FuturesUnordered::new();
     let mut failures = RepeatedFailure::of("looking at studies");
-    let mut looks = interval(INTERVAL);
-    looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut looks = pin!(looks);
     loop {
         tokio::select! {
             Some((id, outcome)) = decisions.next() => {
@@ -54,13 +77,15 @@ async fn decide_always(app: &App) {
                     }
                 }
             }
-            _ = looks.tick() => if let Some(running) = failures.note(running_studies(app).await) {
+            found = looks.next() => {
+                let Some(found) = found else { return };
+                let Some(running) = failures.note(found) else { continue };
                 seen.retain(|id, _| running.contains(id));
                 for id in running.into_iter().filter(|id| busy.insert(*id)) {
-                    let (before, places) = (seen.get(&id).copied(), &places);
-                    decisions.push(async move { (id, decide(app, id, before, places).await) });
+                    let decision = decide(id, seen.get(&id).copied());
+                    decisions.push(async move { (id, decision.await) });
                 }
-            },
+            }
         }
     }
 }
@@ -169,4 +194,34 @@ fn first_of(faults: &[roost_api::Fault]) -> String {
 pub(crate) async fn pause(app: &App, id: SweepId, reason: &str) -> Result<(), StoreError> {
     tracing::error!(study = %id, reason, "a study cannot go on and is paused");
     app.store.change_study(id, &[StudyState::Running], StudyState::Paused, Some(reason.to_owned())).await
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::task::yield_now;
+
+    use super::*;
+
+    /// Uses the only connection for a moment.
+    async fn read(connections: &Semaphore) {
+        let _connection = connections.acquire().await;
+        yield_now().await;
+    }
+
+    #[tokio::test]
+    async fn a_look_waits_for_no_connection_of_a_decision_that_stands_still() {
+        let connections = Semaphore::new(1);
+        let studies: Vec<SweepId> = (0..5).map(|_| SweepId::new()).collect();
+        let looks = stream::unfold(0, async |look| {
+            read(&connections).await;
+            (look < 100).then(|| (Ok(studies.clone()), look + 1))
+        });
+        let decide = async |_, _| {
+            read(&connections).await;
+            read(&connections).await;
+            Ok(None)
+        };
+        let ended = tokio::time::timeout(Duration::from_secs(20), decide_about(looks, decide)).await;
+        assert!(ended.is_ok(), "looks and decisions wait for each other");
+    }
 }

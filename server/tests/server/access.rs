@@ -5,9 +5,10 @@ use std::time::{Duration, Instant};
 use reqwest::Method;
 use roost_api::time::Timestamp;
 use roost_api::token::Scope;
-use roost_server::{Server, ServerConfig, ServerError, tokens_in};
+use roost_server::{Server, ServerConfig, ServerError};
 use serde_json::{Value, json};
 
+use super::database;
 use super::test_server::*;
 
 /// Status and body of a request with a token.
@@ -36,7 +37,7 @@ async fn get(server: &TestServer, path: &str, token: Option<&str>) -> (u16, Stri
 #[tokio::test]
 async fn every_request_needs_a_token_with_its_scope() {
     let dir = tempfile::tempdir().unwrap();
-    let mut tokens = tokens_in(dir.path(), true).await.unwrap();
+    let mut tokens = database::tokens(dir.path(), true).await.unwrap();
     let mut secrets = Vec::new();
     for scope in [Scope::Admin, Scope::Submit, Scope::Read, Scope::Worker] {
         secrets.push(tokens.create(scope.as_str(), &[scope], Timestamp::now()).await.unwrap().1);
@@ -79,7 +80,7 @@ async fn every_request_needs_a_token_with_its_scope() {
 async fn running_server_follows_created_and_revoked_tokens() {
     let (server, dir) = TestServer::with(|config| config.lease = Duration::from_secs(1)).await;
     assert_eq!(get(&server, "/v1/jobs", None).await.0, 200, "open without tokens");
-    let mut tokens = tokens_in(dir.path(), true).await.unwrap();
+    let mut tokens = database::tokens(dir.path(), true).await.unwrap();
     let (view, secret) = tokens.create("", &[Scope::Read], Timestamp::now()).await.unwrap();
     let until = async |token: Option<&str>, status: u16| {
         let deadline = Instant::now() + Duration::from_secs(20);
@@ -100,8 +101,13 @@ async fn running_server_follows_created_and_revoked_tokens() {
     assert!(!format!("{listed:?}").contains(&secret[6..]), "no secret is stored");
     tokens.close().await.unwrap();
     server.stop().await;
-    let database = std::fs::read(dir.path().join("roost.db")).unwrap();
-    assert!(!database.windows(secret.len()).any(|bytes| bytes == secret.as_bytes()), "no secret is stored");
+    if !database::is_postgres() {
+        let database = std::fs::read(dir.path().join("roost.db")).unwrap();
+        assert!(
+            !database.windows(secret.len()).any(|bytes| bytes == secret.as_bytes()),
+            "no secret is stored"
+        );
+    }
 }
 
 /// Repeats a request until it has this status: token changes take effect within a second.
@@ -117,20 +123,23 @@ async fn wait_for_status(server: &TestServer, token: Option<&str>, status: u16) 
 async fn server_without_its_last_token_stays_closed() {
     for listen in ["127.0.0.1:0", "0.0.0.0:0"] {
         let dir = tempfile::tempdir().unwrap();
-        let mut tokens = tokens_in(dir.path(), true).await.unwrap();
+        let mut tokens = database::tokens(dir.path(), true).await.unwrap();
         let (view, secret) = tokens.create("only", &[Scope::Admin], Timestamp::now()).await.unwrap();
+        tokens.close().await.unwrap();
         let set = |config: &mut ServerConfig| {
             config.listen = listen.parse().unwrap();
             config.lease = Duration::from_secs(1);
         };
         let server = TestServer::on(dir.path(), set).await;
-        let (_, job) = ask(&server, Method::POST, "/v1/jobs", Some(&secret), Some(&envelope(1))).await;
+        let (status, job) = ask(&server, Method::POST, "/v1/jobs", Some(&secret), Some(&envelope(1))).await;
+        assert_eq!(status, 202, "{job}");
         let job: Value = serde_json::from_str(&job).unwrap();
         let events = format!("/v1/jobs/{}/events", text(&job["id"]));
         let url = format!("http://{}{events}", server.address);
         let mut stream = server.http.get(url).bearer_auth(&secret).send().await.unwrap();
         assert!(stream.chunk().await.unwrap().is_some(), "the first event is the job");
 
+        let mut tokens = database::tokens(dir.path(), true).await.unwrap();
         assert!(tokens.has_valid(Timestamp::now()).await.unwrap());
         tokens.revoke(&view.id, Timestamp::now()).await.unwrap();
         assert!(!tokens.has_valid(Timestamp::now()).await.unwrap());
@@ -173,7 +182,7 @@ async fn server_without_its_last_token_stays_closed() {
 #[tokio::test]
 async fn authentication_scheme_ignores_case() {
     let dir = tempfile::tempdir().unwrap();
-    let mut tokens = tokens_in(dir.path(), true).await.unwrap();
+    let mut tokens = database::tokens(dir.path(), true).await.unwrap();
     let (_, secret) = tokens.create("", &[Scope::Read], Timestamp::now()).await.unwrap();
     tokens.close().await.unwrap();
     let server = TestServer::on(dir.path(), |_| {}).await;
@@ -216,7 +225,7 @@ async fn open_server_refuses_a_foreign_origin() {
     // Behind a proxy that sends `host: localhost`, the origin differs, but `sec-fetch-site` is right.
     assert_eq!(post("https://roost.example", Some("same-origin"), None).await.0, 200);
 
-    let mut tokens = tokens_in(dir.path(), true).await.unwrap();
+    let mut tokens = database::tokens(dir.path(), true).await.unwrap();
     let (_, secret) = tokens.create("", &[Scope::Admin], Timestamp::now()).await.unwrap();
     tokens.close().await.unwrap();
     wait_for_status(&server, None, 401).await;
@@ -230,14 +239,15 @@ async fn public_address_needs_a_token() {
     let config = ServerConfig {
         listen: "0.0.0.0:0".parse().unwrap(),
         data: dir.path().to_owned(),
+        database: database::of(dir.path()),
         ..ServerConfig::default()
     };
-    let tokens = tokens_in(dir.path(), true).await.unwrap();
+    let tokens = database::tokens(dir.path(), true).await.unwrap();
     tokens.close().await.unwrap();
     let error = Server::bind(config.clone()).await.err().unwrap();
     assert!(matches!(error, ServerError::NotLoopback(_)), "none was made: {error}");
     assert!(error.to_string().contains("roost token create"), "{error}");
-    let mut tokens = tokens_in(dir.path(), true).await.unwrap();
+    let mut tokens = database::tokens(dir.path(), true).await.unwrap();
     tokens.create("", &[Scope::Admin], Timestamp::now()).await.unwrap();
     tokens.close().await.unwrap();
     assert!(Server::bind(config).await.is_ok());
@@ -320,7 +330,7 @@ async fn foreign_pages_change_nothing_and_open_servers_refuse_foreign_hosts() {
     }
 
     // With a token any host name is accepted, as behind a proxy.
-    let mut tokens = tokens_in(dir.path(), true).await.unwrap();
+    let mut tokens = database::tokens(dir.path(), true).await.unwrap();
     let (_, secret) = tokens.create("", &[Scope::Admin], Timestamp::now()).await.unwrap();
     tokens.close().await.unwrap();
     let deadline = Instant::now() + Duration::from_secs(20);
@@ -335,17 +345,20 @@ async fn foreign_pages_change_nothing_and_open_servers_refuse_foreign_hosts() {
 #[tokio::test]
 async fn event_stream_ends_when_its_token_is_revoked() {
     let dir = tempfile::tempdir().unwrap();
-    let mut tokens = tokens_in(dir.path(), true).await.unwrap();
+    let mut tokens = database::tokens(dir.path(), true).await.unwrap();
     let (view, secret) = tokens.create("", &[Scope::Submit], Timestamp::now()).await.unwrap();
     tokens.create("", &[Scope::Admin], Timestamp::now()).await.unwrap();
+    tokens.close().await.unwrap();
     let server = TestServer::on(dir.path(), |config| config.lease = Duration::from_secs(1)).await;
-    let (_, job) = ask(&server, Method::POST, "/v1/jobs", Some(&secret), Some(&envelope(1))).await;
+    let (status, job) = ask(&server, Method::POST, "/v1/jobs", Some(&secret), Some(&envelope(1))).await;
+    assert_eq!(status, 202, "{job}");
     let job: Value = serde_json::from_str(&job).unwrap();
     let url = format!("http://{}/v1/jobs/{}/events", server.address, text(&job["id"]));
     let mut events = server.http.get(url).bearer_auth(&secret).send().await.unwrap();
     assert!(events.chunk().await.unwrap().is_some(), "the first event is the current view");
     let more = tokio::time::timeout(Duration::from_secs(1), events.chunk()).await;
     assert!(more.is_err(), "it goes on while the token is valid");
+    let mut tokens = database::tokens(dir.path(), true).await.unwrap();
     tokens.revoke(&view.id, Timestamp::now()).await.unwrap();
     tokens.close().await.unwrap();
     let ended = async { while events.chunk().await.unwrap().is_some() {} };
@@ -356,7 +369,7 @@ async fn event_stream_ends_when_its_token_is_revoked() {
 #[tokio::test]
 async fn session_cookie_reads_and_writes_need_the_page_header() {
     let dir = tempfile::tempdir().unwrap();
-    let mut tokens = tokens_in(dir.path(), true).await.unwrap();
+    let mut tokens = database::tokens(dir.path(), true).await.unwrap();
     let secret = tokens.create("page", &[Scope::Submit], Timestamp::now()).await.unwrap().1;
     let worker = tokens.create("worker", &[Scope::Worker], Timestamp::now()).await.unwrap().1;
     tokens.close().await.unwrap();

@@ -1,11 +1,12 @@
 //! Extension and deletion of sweeps, tables in every format, effects.
 
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
-use sqlx::Connection;
 
+use super::database;
 use super::test_server::*;
 
 const GATE: &str = "/equipment/gate_opening_m";
@@ -227,7 +228,7 @@ async fn deletion_removes_one_sweep_only() {
 }
 
 /// Unnamed rows, and all rows of the tables that a sweep fills.
-async fn row_counts(database: &mut sqlx::SqliteConnection) -> (i64, i64) {
+async fn row_counts(data: &Path) -> (i64, i64) {
     let unnamed =
         "SELECT (SELECT count(*) FROM scenarios WHERE digest NOT IN (SELECT scenario_digest FROM jobs))
         + (SELECT count(*) FROM documents WHERE digest NOT IN (SELECT document_digest FROM results)
@@ -236,8 +237,7 @@ async fn row_counts(database: &mut sqlx::SqliteConnection) -> (i64, i64) {
         "SELECT (SELECT count(*) FROM sweeps) + (SELECT count(*) FROM design_points) + (SELECT count(*) FROM jobs)
         + (SELECT count(*) FROM attempts) + (SELECT count(*) FROM results)
         + (SELECT count(*) FROM scenarios) + (SELECT count(*) FROM documents)";
-    let unnamed: i64 = sqlx::query_scalar(unnamed).fetch_one(&mut *database).await.unwrap();
-    (unnamed, sqlx::query_scalar(all).fetch_one(database).await.unwrap())
+    (database::number(data, unnamed).await, database::number(data, all).await)
 }
 
 #[tokio::test]
@@ -257,17 +257,12 @@ async fn interrupted_deletion_is_completed_at_the_next_start() {
     server.post(&format!("{other}/extend"), &json!({"points": 1})).await.expect(StatusCode::OK);
     server.stop().await;
 
-    let file = dir.path().join("roost.db");
-    let open = async || sqlx::SqliteConnection::connect(file.to_str().unwrap()).await.unwrap();
-    let mut database = open().await;
-    assert_eq!(row_counts(&mut database).await.0, 0, "files of the first sweep only are deleted");
-    sqlx::query("UPDATE sweeps SET state = 'deleting'").execute(&mut database).await.unwrap();
-    // A dropped connection closes later, and may still hold the database when the server starts.
-    database.close().await.unwrap();
+    assert_eq!(row_counts(dir.path()).await.0, 0, "files of the first sweep only are deleted");
+    database::execute(dir.path(), "UPDATE sweeps SET state = 'deleting'").await;
     let again = TestServer::on(dir.path(), |_| {}).await;
     again.get(&other).await.problem(404, "not-found");
-    let (mut database, deadline) = (open().await, Instant::now() + Duration::from_secs(20));
-    while row_counts(&mut database).await != (0, 0) {
+    let deadline = Instant::now() + Duration::from_secs(20);
+    while row_counts(dir.path()).await != (0, 0) {
         assert!(Instant::now() < deadline, "the server does not go on where the last one stopped");
         tokio::time::sleep(Duration::from_millis(10)).await;
     }
@@ -286,13 +281,9 @@ async fn deletion_continues_when_its_client_disconnects() {
     asking.abort();
     // On a busy machine the deletion may have ended before.
     assert!(asking.await.map_or_else(|error| error.is_cancelled(), |answer| answer.is_ok()));
-    let file =
-        sqlx::sqlite::SqliteConnectOptions::new().filename(dir.path().join("roost.db")).read_only(true);
-    let mut database = sqlx::SqliteConnection::connect_with(&file).await.unwrap();
     let deadline = Instant::now() + Duration::from_secs(60);
     loop {
-        let left: i64 =
-            sqlx::query_scalar("SELECT count(*) FROM jobs").fetch_one(&mut database).await.unwrap();
+        let left = database::number(dir.path(), "SELECT count(*) FROM jobs").await;
         if left == 0 {
             break;
         }

@@ -4,14 +4,15 @@ use std::time::{Duration, Instant};
 
 use roost_api::time::Timestamp;
 use roost_api::token::Scope;
-use roost_server::{NewToken, tokens_in};
+use roost_server::NewToken;
 
+use super::database;
 use super::test_server::*;
 
 #[tokio::test]
 async fn an_expired_token_is_refused_as_such_and_its_streams_end() {
     let dir = tempfile::tempdir().unwrap();
-    let mut tokens = tokens_in(dir.path(), true).await.unwrap();
+    let mut tokens = database::tokens(dir.path(), true).await.unwrap();
     let now = Timestamp::now();
     let new = |expires_at| NewToken {
         name: "guest",

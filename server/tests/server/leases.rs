@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use reqwest::StatusCode;
 use serde_json::json;
-use sqlx::Connection;
 
+use super::database;
 use super::test_server::*;
 
 #[tokio::test]
@@ -93,15 +93,12 @@ async fn restart_preserves_jobs_and_leases() {
     let queued = server.submit(&envelope(2)).await;
     server.stop().await;
     // As after a stop that was longer than the lease.
-    let mut database =
-        sqlx::SqliteConnection::connect(dir.path().join("roost.db").to_str().unwrap()).await.unwrap();
     for aged in [
         "UPDATE jobs SET lease_expires_at = 1 WHERE state = 'running'",
         "UPDATE workers SET last_seen_at = 1",
     ] {
-        sqlx::query(aged).execute(&mut database).await.unwrap();
+        database::execute(dir.path(), aged).await;
     }
-    database.close().await.unwrap();
 
     let server = TestServer::on(dir.path(), |config| config.lease = lease).await;
     let worker = Worker { server: &server, id: worker_id };

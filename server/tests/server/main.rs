@@ -1,4 +1,4 @@
-//! Black-box tests of the server: HTTP on loopback, a SQLite file in a temporary directory.
+//! Black-box tests of the server: HTTP on loopback, a SQLite file in a temporary directory or PostgreSQL (`ROOST_TEST_DATABASE`).
 
 mod access;
 mod bad_input;
@@ -8,6 +8,7 @@ mod claims;
 mod connections;
 mod contract;
 mod dashboard;
+mod database;
 mod designs;
 mod docs;
 mod etags;

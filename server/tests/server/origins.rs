@@ -5,6 +5,7 @@ use roost_api::RunResult;
 use roost_api::ids::WorkerId;
 use serde_json::{Value, json};
 
+use super::database;
 use super::test_server::*;
 
 fn pointers(problem: &Value) -> Vec<&str> {
@@ -117,17 +118,11 @@ async fn result_from_an_outbox_must_match_the_registration_that_ran_it() {
     let before = server.worker("cpu").await;
     let job = server.submit(&envelope(1)).await;
     let attempt = before.claim_one().await;
-    let (before, address) = (before.id.clone(), dir.path().join("roost.db"));
+    let before = before.id.clone();
     server.stop().await;
 
     // The upgrade: the registration of the attempt has an older revision with another response name.
-    use sqlx::Connection;
-    let mut database = sqlx::SqliteConnection::connect(address.to_str().unwrap()).await.unwrap();
-    sqlx::query("UPDATE workers SET solver_revision = solver_revision - 1")
-        .execute(&mut database)
-        .await
-        .unwrap();
-    database.close().await.unwrap();
+    database::execute(dir.path(), "UPDATE workers SET solver_revision = solver_revision - 1").await;
     let server = TestServer::on(dir.path(), |_| {}).await;
     let mut after = registration(&WorkerId::new().to_string(), "gpu");
     after["device"] = json!("another");

@@ -5,9 +5,10 @@ use std::time::{Duration, Instant};
 use reqwest::{Method, StatusCode};
 use roost_api::time::Timestamp;
 use roost_api::token::Scope;
-use roost_server::{NewToken, ProjectChange, tokens_in};
+use roost_server::{NewToken, ProjectChange};
 use serde_json::{Value, json};
 
+use super::database;
 use super::test_server::*;
 
 fn budget(core_hours: f64) -> ProjectChange {
@@ -25,7 +26,7 @@ async fn ask(server: &TestServer, method: Method, path: &str, secret: &str, body
 #[tokio::test]
 async fn raised_budget_wakes_waiting_claims() {
     let dir = tempfile::tempdir().unwrap();
-    let mut file = tokens_in(dir.path(), true).await.unwrap();
+    let mut file = database::tokens(dir.path(), true).await.unwrap();
     file.create_project("wax", budget(0.0)).await.unwrap();
     let token = NewToken {
         name: "laptop",
@@ -63,7 +64,7 @@ async fn raised_budget_wakes_waiting_claims() {
         json!({"request_id": uuid::Uuid::now_v7(), "worker_id": worker, "max_jobs": 1, "wait_s": 20.0});
     let (reply, ()) = tokio::join!(post("/v1/claims", request), async {
         tokio::time::sleep(Duration::from_secs(1)).await;
-        let mut file = tokens_in(dir.path(), false).await.unwrap();
+        let mut file = database::tokens(dir.path(), false).await.unwrap();
         file.set_project("wax", budget(1.5)).await.unwrap();
         file.close().await.unwrap();
     });
@@ -82,7 +83,7 @@ async fn raised_budget_wakes_waiting_claims() {
 #[tokio::test]
 async fn list_of_projects_has_pages() {
     let dir = tempfile::tempdir().unwrap();
-    let mut file = tokens_in(dir.path(), true).await.unwrap();
+    let mut file = database::tokens(dir.path(), true).await.unwrap();
     for name in ["a", "b"] {
         file.create_project(name, ProjectChange { share: Some(7), ..ProjectChange::default() })
             .await

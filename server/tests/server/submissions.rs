@@ -5,6 +5,7 @@ use std::collections::HashSet;
 use reqwest::StatusCode;
 use serde_json::{Value, json};
 
+use super::database;
 use super::test_server::*;
 
 struct Sent {
@@ -73,11 +74,7 @@ async fn sweep_is_extended_once_per_key() {
     server.stop().await;
 
     // The server was killed after the extension and before it stored the answer.
-    use sqlx::Connection;
-    let file = dir.path().join("roost.db");
-    let mut database = sqlx::SqliteConnection::connect(file.to_str().unwrap()).await.unwrap();
-    sqlx::query("UPDATE submissions SET status = NULL, body = NULL").execute(&mut database).await.unwrap();
-    database.close().await.unwrap();
+    database::execute(dir.path(), "UPDATE submissions SET status = NULL, body = NULL").await;
     let server = TestServer::on(dir.path(), |_| {}).await;
     let again = send(&server, &route, "more", &body).await;
     assert_eq!(

@@ -18,6 +18,8 @@ use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 use uuid::Uuid;
 
+use super::database;
+
 /// A running server.
 pub(crate) struct TestServer {
     pub address: SocketAddr,
@@ -54,6 +56,7 @@ impl TestServer {
     pub(crate) async fn on(data: &Path, change: impl FnOnce(&mut ServerConfig)) -> Self {
         let mut config = ServerConfig { listen: ([127, 0, 0, 1], 0).into(), ..ServerConfig::default() };
         config.data = data.to_owned();
+        config.database = database::of(data);
         // No attempt shall end because the machine is busy; tests of leases set their own.
         config.lease = Duration::from_secs(120);
         // Tests of pauses set other values.

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use reqwest::Method;
 use roost_api::time::Timestamp;
 use roost_api::token::Scope;
-use roost_server::tokens_in;
 use serde_json::{Value, json};
 
+use super::database;
 use super::test_server::*;
 
 /// A server with two submit tokens and one worker token.
@@ -23,7 +23,7 @@ struct Shared {
 impl Shared {
     async fn start() -> Self {
         let dir = tempfile::tempdir().unwrap();
-        let mut tokens = tokens_in(dir.path(), true).await.unwrap();
+        let mut tokens = database::tokens(dir.path(), true).await.unwrap();
         let mut secrets = Vec::new();
         for scope in [Scope::Submit, Scope::Submit, Scope::Worker] {
             secrets.push(tokens.create("t", &[scope], Timestamp::now()).await.unwrap().1);

@@ -10,6 +10,7 @@ use serde_json::{Map, Value, json};
 use sqlx::Connection;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
 
+use super::database;
 use super::test_server::*;
 
 /// Version, database, answers.
@@ -64,6 +65,7 @@ async fn old_database_gives_the_answers_of_its_version() {
     for (version, sql, answers) in STORED {
         let dir = tempfile::tempdir().unwrap();
         restore(dir.path(), sql).await;
+        database::take_from_file(dir.path()).await;
         let server = TestServer::on(dir.path(), |_| {}).await;
         let answers: Map<String, Value> = serde_json::from_str(answers).unwrap();
         assert!(answers.len() > 40, "{}", answers.len());
@@ -90,6 +92,7 @@ async fn jobs_of_an_old_database_continue() {
     for (version, sql, answers) in STORED {
         let dir = tempfile::tempdir().unwrap();
         restore(dir.path(), sql).await;
+        database::take_from_file(dir.path()).await;
         let server = TestServer::on(dir.path(), |_| {}).await;
         let answers: Map<String, Value> = serde_json::from_str(answers).unwrap();
         let jobs = answers["/v1/jobs?limit=500"]["items"].as_array().unwrap();

@@ -120,6 +120,7 @@ impl Cluster {
     }
 
     /// Kills it like a crash, and returns when it runs again.
+    #[allow(dead_code, reason = "the tests of the server kill none")]
     pub(crate) fn kill(&self) {
         let number = std::fs::read_to_string(self.folder.join("pid")).unwrap();
         let killed = Command::new("kill").args(["-9", number.trim()]).status().unwrap();
