@@ -97,10 +97,7 @@ fn bad_input_names_option_value_and_range() {
             &["--grace", "40", "--time-limit", "3m"],
             &["--grace", "'40'", "0 to 35", "45 s before the time limit"],
         ),
-        (
-            &["--grace", "21", "--time-limit", "1m"],
-            &["--grace", "'21'", "0 to 20", "30 s after this time limit"],
-        ),
+        (&["--grace", "21", "--time-limit", "1m"], &["--grace", "'21'", "0 to 20", "30 s after its signal"]),
         (&["--slots", "0"], &["--slots", "'0'", "1 to 1024"]),
         (&["--", "--time=10"], &["'--time=10'", "use --time-limit"]),
         (&["--", "job.sh"], &["'job.sh'", "--partition=gpu"]),

@@ -198,6 +198,8 @@ pub(crate) async fn pause(app: &App, id: SweepId, reason: &str) -> Result<(), St
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
+
     use tokio::task::yield_now;
 
     use super::*;
@@ -216,12 +218,15 @@ mod tests {
             read(&connections).await;
             (look < 100).then(|| (Ok(studies.clone()), look + 1))
         });
+        let decisions = Cell::new(0);
         let decide = async |_, _| {
             read(&connections).await;
             read(&connections).await;
+            decisions.set(decisions.get() + 1);
             Ok(None)
         };
         let ended = tokio::time::timeout(Duration::from_secs(20), decide_about(looks, decide)).await;
         assert!(ended.is_ok(), "looks and decisions wait for each other");
+        assert!(decisions.get() > studies.len(), "{}", decisions.get());
     }
 }

@@ -21,7 +21,7 @@ const MIN_TIME_LIMIT: Duration = Duration::from_secs(60);
 /// Slurm may send its signal a minute early. A shorter allocation could get it before its worker has started, and does without.
 const MIN_SIGNALLED: Duration = Duration::from_secs(180);
 
-/// Default of `KillWait`: time between the end of an allocation without a signal and its kill.
+/// Default of `KillWait`, the time between SIGTERM and SIGKILL at the time limit.
 const KILL_WAIT: Duration = Duration::from_secs(30);
 
 /// Submit workers to Slurm while queued jobs need more workers
@@ -165,9 +165,10 @@ impl SlurmArgs {
                 Some(warning) => {
                     format!("Slurm's signal comes {} s before the time limit", warning.as_secs())
                 }
-                None => {
-                    format!("Slurm kills workers {} s after this time limit by default", KILL_WAIT.as_secs())
-                }
+                None => format!(
+                    "Slurm kills workers {} s after its signal (KillWait, by default) if --time-limit is below 3m",
+                    KILL_WAIT.as_secs()
+                ),
             };
             return bad(format!(
                 "invalid value '{}' for '--grace': 0 to {most} are allowed, since {signal}, and workers need {} s to hand their jobs \

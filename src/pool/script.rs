@@ -123,7 +123,7 @@ fn script(roost: &str, pool: &str, worker: &[String], args: &SlurmArgs) -> Strin
     format!(
         "{head}\
          workers=()\n\
-         # Slurm signals the batch shell before the time limit, which passes the signal on.\n\
+         # Slurm may signal the batch shell alone, which passes the signal on.\n\
          trap 'kill -TERM \"${{workers[@]}}\" 2> /dev/null || true' TERM\n\
          for ((number = 1; number <= {count}; number++)); do\n    \
              {roost} \"${{arguments[@]}}\" --name {name} &\n    \
@@ -253,5 +253,7 @@ mod tests {
         assert!(short.command().contains(" --time=0:03:00 --signal=B:TERM@45 "), "{}", short.command());
         let shortest = submission(&["--time-limit", "179s"]);
         assert!(shortest.command().contains(" --time=0:02:59 --no-requeue "), "{}", shortest.command());
+        let work_time = |limit| args(&["--time-limit", limit]).limits().work_time.as_secs();
+        assert_eq!((work_time("3m"), work_time("179s"), work_time("1m")), (135, 179, 60));
     }
 }

@@ -16,8 +16,14 @@ const TIMEOUT: Duration = Duration::from_secs(60);
 /// Variables that change what Slurm's commands print, or which jobs they show. Those of `sbatch` that choose resources stay.
 const REMOVED_PREFIXES: [&str; 4] = ["SQUEUE_", "SACCT_", "SCANCEL_", "SCONTROL_"];
 /// Variables of `sbatch` that the pool does not allow as options.
-const REMOVED: [&str; 5] =
-    ["SLURM_CLUSTERS", "SBATCH_CLUSTERS", "SBATCH_ARRAY_INX", "SBATCH_WAIT", "SBATCH_EXPORT"];
+const REMOVED: [&str; 6] = [
+    "SLURM_CLUSTERS",
+    "SBATCH_CLUSTERS",
+    "SBATCH_ARRAY_INX",
+    "SBATCH_WAIT",
+    "SBATCH_EXPORT",
+    "SBATCH_SIGNAL",
+];
 
 /// Checks that this machine has `sbatch`.
 pub(super) async fn check() -> Result<(), BadInput> {
@@ -158,10 +164,11 @@ mod tests {
         for name in ["SQUEUE_PARTITION", "SQUEUE_FORMAT2", "SACCT_FORMAT", "SCANCEL_STATE", "SCONTROL_ALL"] {
             assert!(is_removed(name), "{name}");
         }
-        for name in ["SBATCH_ARRAY_INX", "SBATCH_WAIT", "SBATCH_CLUSTERS", "SLURM_CLUSTERS", "SBATCH_EXPORT"]
-        {
+        for name in REMOVED {
             assert!(is_removed(name), "{name}");
         }
+        // Without an option `--signal`, it would set one.
+        assert!(is_removed("SBATCH_SIGNAL"));
         for name in ["PATH", "SLURM_CONF", "SBATCH_PARTITION", "SBATCH_ACCOUNT", "ROOST_TOKEN"] {
             assert!(!is_removed(name), "{name}");
         }

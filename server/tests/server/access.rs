@@ -171,6 +171,7 @@ async fn server_without_its_last_token_stays_closed() {
             let config = ServerConfig {
                 listen: listen.parse().unwrap(),
                 data: dir.path().to_owned(),
+                database: database::of(dir.path()),
                 ..ServerConfig::default()
             };
             let refused = Server::bind(config).await.err().expect("no token could be valid");

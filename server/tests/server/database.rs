@@ -14,7 +14,7 @@ mod cluster;
 
 use cluster::Cluster;
 
-/// Tests that `cargo test` runs on both databases, by the beginnings of their names. The tests of the store cover the queue there.
+/// Tests that `cargo test` runs on both databases, by parts of their names. The tests of the store cover the queue there.
 const ON_BOTH: [&str; 9] = [
     "contract::",
     "frames::",
@@ -35,7 +35,7 @@ fn tests_of_what_users_read_pass_on_postgresql_too() {
     let mut command = Command::new(std::env::current_exe().unwrap());
     command.env("ROOST_TEST_DATABASE", "postgres").args(ON_BOTH).args(["--test-threads", "2"]);
     let output = command.output().unwrap();
-    let text = String::from_utf8_lossy(&output.stdout);
+    let text = String::from_utf8_lossy(&output.stdout) + String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{text}");
     let passed = text.split("test result: ok. ").nth(1).and_then(|rest| rest.split(' ').next()?.parse().ok());
     assert!(passed.is_some_and(|passed: u32| passed > 60), "{text}");
@@ -77,7 +77,7 @@ pub(crate) fn of(data: &Path) -> Option<Location> {
     is_postgres().then(|| CLUSTER.address(&name_of(data)).parse().unwrap())
 }
 
-/// The access tokens, as [`tokens_in`] opens them.
+/// The access tokens. Those in a file are opened by [`tokens_in`]; those in PostgreSQL have their database at once.
 pub(crate) async fn tokens(data: &Path, create: bool) -> Result<TokenFile, DataError> {
     match of(data) {
         Some(place) => tokens_at(&place).await,
@@ -85,7 +85,7 @@ pub(crate) async fn tokens(data: &Path, create: bool) -> Result<TokenFile, DataE
     }
 }
 
-/// Changes rows behind the back of a server.
+/// Changes rows of a stopped server: a running one, which may hold a lock, shares the thread of the test.
 pub(crate) async fn execute(data: &Path, statement: &'static str) {
     if is_postgres() {
         CLUSTER.execute(&name_of(data), &[statement]);
