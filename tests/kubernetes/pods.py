@@ -24,6 +24,7 @@ import yaml
 
 ROOST = Path(sys.argv[1]).resolve()
 MANIFESTS = Path(__file__).resolve().parents[2] / "deploy/kubernetes"
+CERTIFICATES = "etc/ssl/certs/ca-certificates.crt"
 TOOLS = ["sh", "cat", "mkdir", "mv", "rm", "sleep", "tar", "touch", "setpriv"]
 SERVER = "http://127.0.0.1:7373"
 # All processes of containers.
@@ -71,6 +72,9 @@ class Pod:
             self.add(program, "usr/local/bin/roost" if program == ROOST else f"bin/{Path(program).name}")
         (self.root / "dev/null").touch()
         (self.root / "etc/hosts").write_text(hosts)
+        # The image has Debian's package ca-certificates; clients of a bucket need them.
+        (self.root / CERTIFICATES).parent.mkdir(parents=True)
+        shutil.copy(Path("/") / CERTIFICATES, self.root / CERTIFICATES)
 
     def containers(self):
         return self.spec.get("initContainers", []) + self.spec["containers"]
