@@ -12,7 +12,7 @@ use super::database;
 use super::test_server::*;
 
 /// Status and body of a request with a token.
-async fn ask(
+pub(super) async fn ask(
     server: &TestServer,
     method: Method,
     path: &str,
@@ -340,30 +340,6 @@ async fn foreign_pages_change_nothing_and_open_servers_refuse_foreign_hosts() {
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
     assert_eq!(post(Some("cross-site")).bearer_auth(&secret).send().await.unwrap().status(), 403);
-    server.stop().await;
-}
-
-#[tokio::test]
-async fn event_stream_ends_when_its_token_is_revoked() {
-    let dir = tempfile::tempdir().unwrap();
-    let mut tokens = database::tokens(dir.path(), true).await.unwrap();
-    let (view, secret) = tokens.create("", &[Scope::Submit], Timestamp::now()).await.unwrap();
-    tokens.create("", &[Scope::Admin], Timestamp::now()).await.unwrap();
-    tokens.close().await.unwrap();
-    let server = TestServer::on(dir.path(), |config| config.lease = Duration::from_secs(1)).await;
-    let (status, job) = ask(&server, Method::POST, "/v1/jobs", Some(&secret), Some(&envelope(1))).await;
-    assert_eq!(status, 202, "{job}");
-    let job: Value = serde_json::from_str(&job).unwrap();
-    let url = format!("http://{}/v1/jobs/{}/events", server.address, text(&job["id"]));
-    let mut events = server.http.get(url).bearer_auth(&secret).send().await.unwrap();
-    assert!(events.chunk().await.unwrap().is_some(), "the first event is the current view");
-    let more = tokio::time::timeout(Duration::from_secs(1), events.chunk()).await;
-    assert!(more.is_err(), "it goes on while the token is valid");
-    let mut tokens = database::tokens(dir.path(), true).await.unwrap();
-    tokens.revoke(&view.id, Timestamp::now()).await.unwrap();
-    tokens.close().await.unwrap();
-    let ended = async { while events.chunk().await.unwrap().is_some() {} };
-    tokio::time::timeout(Duration::from_secs(10), ended).await.expect("it ends");
     server.stop().await;
 }
 
