@@ -107,6 +107,9 @@ impl Server {
         if config.database.is_some() && advertised.is_none() {
             tracing::warn!(%address, "other servers of the database cannot reach this one: start it with --advertise HOST:PORT");
         }
+        if config.database.is_some() && config.objects.is_none() {
+            tracing::warn!(data = %config.data.display(), "objects are in the data folder: start servers on other machines with --objects s3://BUCKET/PREFIX");
+        }
         let place = config.place().for_server(advertised.as_deref());
         let site = Site { config, address, place, connections };
         let first = match standby::led_by_another(&site).await? {

@@ -45,7 +45,8 @@ impl FillNumbers {
 /// those that suffice are not read.
 ///
 /// An owner with many large sweeps has as many queues, whose first jobs have nearly equal positions. A few jobs of each queue then
-/// suffice. Only if one of these queues could have more jobs before the last one that counts, more are read.
+/// suffice. Only if one of these queues could have more jobs before the last one that counts, more are read: at first as many as each
+/// queue would have if all went on as they began.
 pub(super) async fn candidates(
     tx: &mut Connection,
     claim: Claim,
@@ -56,6 +57,13 @@ pub(super) async fn candidates(
     let few = list(tx, claim, now, (max, max.min(FEW)), (&mut *fills.0, fills.1)).await?;
     if let Some(first) = few.iter().map(|owner| owner.first(max, max.min(FEW))).collect() {
         return Ok(first);
+    }
+    let share = few.iter().map(|owner| owner.share(max)).max().unwrap_or(max);
+    if share < max {
+        let some = list(tx, claim, now, (max, share), (&mut *fills.0, fills.1)).await?;
+        if let Some(first) = some.iter().map(|owner| owner.first(max, share)).collect() {
+            return Ok(first);
+        }
     }
     let all = list(tx, claim, now, (max, max), (&mut *fills.0, fills.1)).await?;
     let all: Vec<_> = all.into_iter().map(OwnerJobs::merged).collect();
@@ -97,6 +105,21 @@ impl OwnerJobs {
         let mut jobs: Vec<_> = queues.into_iter().flat_map(|(_, jobs)| jobs).collect();
         jobs.sort_by_key(|(place, _)| *place);
         OwnerQueue { priority, project, owner, jobs: jobs.into_iter().map(|(_, job)| job).collect() }
+    }
+
+    /// Of its first [`FEW`] jobs of each queue: the number of jobs of a queue among the first `max`, if the queues go on as they began.
+    fn share(&self, max: usize) -> usize {
+        let jobs = || self.queues.iter().map(|(_, jobs)| jobs);
+        if jobs().flatten().any(|(_, job)| job.fill.is_some()) {
+            return max;
+        }
+        let end = jobs()
+            .filter(|jobs| jobs.len() >= FEW)
+            .filter_map(|jobs| jobs.last())
+            .map(|(place, _)| place)
+            .min();
+        let begins_before = |jobs: &&Vec<_>| jobs.first().map(|(place, _)| place) <= end;
+        max.min(max.div_ceil(jobs().filter(begins_before).count().max(1)) + FEW)
     }
 
     /// Its first `max` jobs; none if they are not certain, because only `limit` jobs of each queue were read, or would compute fills.
@@ -201,6 +224,19 @@ mod tests {
         assert_eq!(first(&[&[1, 2], &[5]], 3), None);
         assert_eq!(first(&[&[1, 2], &[5]], 2), Some(vec![1, 2]));
         assert_eq!(first(&[&[1, 2]], 3), None);
+    }
+
+    #[test]
+    fn queues_that_advance_together_share_the_jobs() {
+        let even = [7, 8].as_slice();
+        assert_eq!(owner(&[even; 10]).share(40), 4 + FEW);
+        assert_eq!(owner(&[even; 10]).share(5), 1 + FEW);
+        // Only the first queue has jobs before the others begin.
+        assert_eq!(owner(&[&[1, 2], even, even]).share(40), 40);
+        assert_eq!(owner(&[&[1, 2], &[1], even]).share(40), 20 + FEW, "a queue of one job takes part");
+        let mut computing = owner(&[even; 10]);
+        computing.queues[0].1[0].1.fill = Some(1);
+        assert_eq!(computing.share(40), 40, "some jobs of its queue may have to wait");
     }
 
     #[test]

@@ -150,17 +150,15 @@ pub(super) const REPEAT: &str = concat!(
     claimed_columns!()
 );
 
-/// Records that workers were seen, unless they were seen recently. Returns the device and load of each, whether it has failed jobs, and
-/// whether its request is a repeat. A repeat is found by the id of its request alone: few attempts have the same one. The offset keeps
+/// The device and load of each worker, whether it has failed jobs, whether it was not seen recently, and whether its request is a repeat. A
+/// repeat is found by the id of its request alone: few attempts have the same one. The offset keeps
 /// PostgreSQL from collecting the attempts of all workers instead of looking for one.
 macro_rules! arrive {
     ($running:literal) => {
         concat!(
             "
-    UPDATE workers SET last_seen_at = CAST(request.value ->> 'at' AS BIGINT)
-    FROM json_each(?) AS request WHERE workers.id = request.value ->> 'worker'
-      AND workers.last_seen_at NOT BETWEEN CAST(request.value ->> 'recent' AS BIGINT) AND CAST(request.value ->> 'at' AS BIGINT);
     SELECT CAST(request.key AS BIGINT) AS place, me.solver_revision, me.backend, me.device, me.memory_mib, me.draining, me.slots,
+        me.last_seen_at NOT BETWEEN CAST(request.value ->> 'recent' AS BIGINT) AND CAST(request.value ->> 'at' AS BIGINT) AS is_due,
         me.id IN (SELECT worker_id FROM attempts WHERE request_id = request.value ->> 'request') AS repeated,
         EXISTS (SELECT 1 FROM attempts WHERE worker_id = me.id AND outcome = 'worker' LIMIT 1 OFFSET 0) AS has_failed,
         (SELECT count(*) FROM ",
@@ -177,6 +175,10 @@ macro_rules! arrive {
 pub(super) const ARRIVE: &str = arrive!("jobs WHERE worker_id = me.id AND state = 'running'");
 
 pub(super) const ARRIVE_IN_POSTGRES: &str = arrive!("running_jobs WHERE worker_id = me.id");
+
+/// Records that workers were seen.
+pub(super) const SEE: &str = "UPDATE workers SET last_seen_at = CAST(seen.value ->> 'at' AS BIGINT)
+    FROM json_each(?) AS seen WHERE workers.id = seen.value ->> 'worker'";
 
 /// Records how many jobs workers can run at the same time.
 pub(super) const RECORD_SLOTS: &str = "UPDATE workers SET slots = CAST(found.value ->> 'slots' AS BIGINT)

@@ -15,7 +15,7 @@ use uuid::Uuid;
 use super::batcher::{Batcher, waves};
 use super::candidates::{FillNumbers, candidates};
 use super::claim_statements::{
-    ARRIVE, ARRIVE_IN_POSTGRES, COMPUTE_FILLS, RECORD_SLOTS, REPEAT, TAKE, TAKE_IN_POSTGRES, USE_FILLS,
+    ARRIVE, ARRIVE_IN_POSTGRES, COMPUTE_FILLS, RECORD_SLOTS, REPEAT, SEE, TAKE, TAKE_IN_POSTGRES, USE_FILLS,
 };
 use super::columns::{Columns, to_json};
 use super::database::{Connection, Engine, Row, query};
@@ -132,14 +132,17 @@ async fn claim_wave(
     };
     let arriving = to_json("claims", &claims.iter().map(arriving).collect::<Vec<_>>())?;
     let arrive = if tx.engine() == Engine::Postgres { ARRIVE_IN_POSTGRES } else { ARRIVE };
-    let rows = query(arrive).bind(&arriving).bind(&arriving).fetch_all(&mut *tx).await?;
+    let rows = query(arrive).bind(arriving).fetch_all(&mut *tx).await?;
     let mut answers: Vec<_> = claims.iter().map(|_| Err(Refusal::NoWorker)).collect();
     let (mut classes, mut demands) = (Vec::<(WorkerClass, TimedClaim)>::new(), Vec::new());
-    let mut slots_found = Vec::new();
+    let (mut seen, mut slots_found) = (Vec::new(), Vec::new());
     for row in &rows {
         let place = row.number::<u32>("place")? as usize;
         let Some(timed @ (claim, now)) = claims.get(place).copied() else { continue };
         answers[place] = Ok(ClaimedRows::default());
+        if row.column("is_due")? {
+            seen.push(json!({"worker": claim.worker, "at": now.wall.0}));
+        }
         if row.column("repeated")? {
             answers[place] =
                 Ok(ClaimedRows { rows: repeat(tx, claim, now).await?, ..ClaimedRows::default() });
@@ -168,6 +171,9 @@ async fn claim_wave(
             }
             demands.push((place, Demand { list, load, max_jobs: claim.max_jobs as usize }));
         }
+    }
+    if !seen.is_empty() {
+        query(SEE).bind(to_json("workers", &seen)?).execute(&mut *tx).await?;
     }
     if !slots_found.is_empty() {
         query(RECORD_SLOTS).bind(to_json("slots", &slots_found)?).execute(&mut *tx).await?;

@@ -18,7 +18,8 @@ use super::writer::Writer;
 use super::{Store, StoreError};
 use crate::clock::Now;
 use crate::queue::{
-    JobChange, Provenance, Refusal, RetryPolicy, Stated, Verdict, on_failure, on_result, recorded_outcome,
+    ChargedAttempt, JobChange, Provenance, Refusal, RetryPolicy, Stated, Verdict, on_failure, on_result,
+    recorded_outcome,
 };
 
 /// A result as text with its digest. Long results take a while to encode, so that it happens before any transaction.
@@ -159,9 +160,19 @@ impl Store {
                     };
                     let outcome = recorded_outcome(outcome, has_checkpoint(tx, job, attempt).await?);
                     let (message, partial, at) = (Some(message.as_str()), document.as_deref(), now.wall);
-                    let filled_by = None;
-                    let ending =
-                        AttemptEnd { job, attempt, outcome, change, message, partial, filled_by, stated, at };
+                    let (filled_by, charged) = (None, fenced.charged);
+                    let ending = AttemptEnd {
+                        job,
+                        attempt,
+                        outcome,
+                        change,
+                        message,
+                        partial,
+                        filled_by,
+                        stated,
+                        charged,
+                        at,
+                    };
                     end_attempts(tx, &[ending]).await?;
                     Ok(Ok(verdict))
                 })
@@ -178,6 +189,7 @@ async fn record_all(tx: &mut Connection, batch: &[Arc<Delivered>]) -> Result<Vec
         let mut accepted = Vec::new();
         for (index, fenced) in wave.into_iter().zip(fence_attempts(tx, &attempts).await?) {
             let delivered = batch[index].as_ref();
+            let charged = fenced.as_ref().ok().and_then(|fenced| fenced.charged);
             let verdict = fenced.and_then(|fenced| Ok((on_result(fenced.fence)?, fenced.provenance)));
             answers[index] = match verdict {
                 Ok((verdict @ Verdict::Record(_), registered)) => {
@@ -186,7 +198,7 @@ async fn record_all(tx: &mut Connection, batch: &[Arc<Delivered>]) -> Result<Vec
                 other => other.map(|(verdict, _)| verdict),
             };
             if let Ok(Verdict::Record(change)) = &answers[index] {
-                accepted.push((delivered, change.clone()));
+                accepted.push(Accepted { delivered, charged, change: change.clone() });
             }
         }
         record(tx, &accepted).await?;
@@ -213,17 +225,24 @@ async fn check(
     Ok(stated.check(&registered))
 }
 
+/// A result that is recorded.
+struct Accepted<'a> {
+    delivered: &'a Delivered,
+    charged: Option<ChargedAttempt>,
+    change: JobChange,
+}
+
 /// Stores accepted results of different jobs.
-async fn record(tx: &mut Connection, accepted: &[(&Delivered, JobChange)]) -> Result<(), StoreError> {
+async fn record(tx: &mut Connection, accepted: &[Accepted<'_>]) -> Result<(), StoreError> {
     if accepted.is_empty() {
         return Ok(());
     }
     // All texts in one blob: as JSON strings, every quote would be escaped and unescaped again.
-    let mut bodies =
-        Vec::with_capacity(accepted.iter().map(|(delivered, _)| delivered.result.body.len()).sum());
+    let mut bodies = Vec::with_capacity(accepted.iter().map(|it| it.delivered.result.body.len()).sum());
     let (mut rows, mut endings) = (Vec::new(), Vec::new());
-    for (Delivered { attempt: AttemptRef { job, attempt, .. }, result, filled_by, now }, change) in accepted {
-        let (job, attempt, at) = (*job, *attempt, *now);
+    for Accepted { delivered, charged, change } in accepted {
+        let Delivered { attempt: AttemptRef { job, attempt, .. }, result, filled_by, now } = delivered;
+        let (job, attempt, charged, at) = (*job, *attempt, *charged, *now);
         rows.push(json!({
             "job": job, "attempt": attempt, "digest": result.provenance.scenario,
             "revision": result.provenance.revision, "backend": result.provenance.backend, "responses": result.responses, "document": result.digest, "at": at.0,
@@ -232,7 +251,18 @@ async fn record(tx: &mut Connection, accepted: &[(&Delivered, JobChange)]) -> Re
         bodies.extend_from_slice(result.body.as_bytes());
         let outcome = AttemptOutcome::Succeeded;
         let (message, partial, filled_by, stated) = (None, None, *filled_by, Some(result.stated));
-        endings.push(AttemptEnd { job, attempt, outcome, change, message, partial, filled_by, stated, at });
+        endings.push(AttemptEnd {
+            job,
+            attempt,
+            outcome,
+            change,
+            message,
+            partial,
+            filled_by,
+            stated,
+            charged,
+            at,
+        });
     }
     let rows = to_json("results", &rows)?;
     let sql = match tx.engine() {

@@ -9,7 +9,9 @@ use roost_api::time::Timestamp;
 
 use super::columns::{Columns, to_json};
 use super::database::{AssertSqlSafe, Connection, Engine, Row, query, query_scalar};
-use super::transitions::{AttemptEnd, JOB_COLUMNS, end_attempts, job_snapshot};
+use super::transitions::{
+    AttemptEnd, CHARGED_COLUMNS, JOB_COLUMNS, charged_attempt, end_attempts, job_snapshot,
+};
 use super::writer::STALL;
 use super::{Store, StoreError};
 use crate::clock::Now;
@@ -124,6 +126,9 @@ impl Store {
     }
 }
 
+/// The present attempt of a job, and its worker.
+const ITS_ATTEMPT: &str = "LEFT JOIN attempts a ON a.job_id = j.id AND a.number = j.attempt LEFT JOIN workers w ON w.id = a.worker_id";
+
 /// Ends expired leases. A job had others beside it if its worker lost another job or runs one now.
 async fn expire_leases(
     tx: &mut Connection,
@@ -131,12 +136,12 @@ async fn expire_leases(
     now: Now,
 ) -> Result<Vec<(JobId, JobChange)>, StoreError> {
     let sql = format!(
-        "SELECT j.lease_expires_at, {JOB_COLUMNS},
+        "SELECT j.lease_expires_at, {JOB_COLUMNS}, {CHARGED_COLUMNS},
                 EXISTS (SELECT 1 FROM attempts c WHERE c.worker_id = j.worker_id AND c.job_id <> j.id
                         AND c.outcome IS NULL)
              OR EXISTS (SELECT 1 FROM attempts c WHERE c.worker_id = j.worker_id AND c.job_id <> j.id
                         AND c.outcome = 'lost') AS had_others
-         FROM jobs j WHERE j.state = 'running' AND j.lease_expires_at <= ?"
+         FROM jobs j {ITS_ATTEMPT} WHERE j.state = 'running' AND j.lease_expires_at <= ?"
     );
     let rows = query(AssertSqlSafe(sql)).bind(now.lease.0).fetch_all(&mut *tx).await?;
     let message = "the lease expired without a heartbeat";
@@ -149,8 +154,10 @@ async fn expire_leases(
 
 /// Ends attempts past their deadline.
 async fn end_overdue(tx: &mut Connection, now: Now) -> Result<Vec<(JobId, JobChange)>, StoreError> {
-    let sql =
-        format!("SELECT j.deadline, {JOB_COLUMNS} FROM jobs j WHERE j.state = 'running' AND j.deadline <= ?");
+    let sql = format!(
+        "SELECT j.deadline, {JOB_COLUMNS}, {CHARGED_COLUMNS}
+         FROM jobs j {ITS_ATTEMPT} WHERE j.state = 'running' AND j.deadline <= ?"
+    );
     let rows = query(AssertSqlSafe(sql)).bind(now.lease.0).fetch_all(&mut *tx).await?;
     let message = "the attempt ran past max_wall_s and its worker did not stop it";
     let decide = |row: &Row| Ok(on_deadline(&job_snapshot(row)?, row.moment("deadline")?, now.lease));
@@ -168,15 +175,26 @@ async fn end_all(
     let mut decided = Vec::new();
     for row in rows {
         if let Some(change) = decide(row)? {
-            decided.push((job_snapshot(row)?, change));
+            decided.push((job_snapshot(row)?, charged_attempt(row)?, change));
         }
     }
     let mut endings = Vec::new();
-    for (job, change) in &decided {
-        let (job, attempt, message, at) = (job.id, job.attempt, Some(message), now.wall);
+    for (job, charged, change) in &decided {
+        let (job, attempt, charged, message, at) = (job.id, job.attempt, *charged, Some(message), now.wall);
         let (partial, filled_by, stated) = (None, None, None);
-        endings.push(AttemptEnd { job, attempt, outcome, change, message, partial, filled_by, stated, at });
+        endings.push(AttemptEnd {
+            job,
+            attempt,
+            outcome,
+            change,
+            message,
+            partial,
+            filled_by,
+            stated,
+            charged,
+            at,
+        });
     }
     end_attempts(tx, &endings).await?;
-    Ok(decided.into_iter().map(|(job, change)| (job.id, change)).collect())
+    Ok(decided.into_iter().map(|(job, _, change)| (job.id, change)).collect())
 }

@@ -13,12 +13,31 @@ use crate::queue::{
     core_ms, fence,
 };
 
+/// The number of attempts of a job, since it was last retried, with an outcome. A first attempt that runs has none before it.
+macro_rules! attempts_with {
+    ($outcome:literal) => {
+        concat!(
+            "CASE WHEN j.state = 'running' AND j.attempt = j.attempts_before_retry + 1 THEN 0 ELSE
+                (SELECT count(*) FROM attempts f
+                 WHERE f.job_id = j.id AND f.number > j.attempts_before_retry AND f.outcome = '",
+            $outcome,
+            "') END"
+        )
+    };
+}
+
 /// The columns of a [`JobSnapshot`]. The counts read only the few attempts of one job.
-pub(super) const JOB_COLUMNS: &str = "j.id, j.state, j.cancelling, j.paused, j.attempt, j.failure_class,
-    (SELECT count(*) FROM attempts f WHERE f.job_id = j.id AND f.number > j.attempts_before_retry AND f.outcome = 'worker')
-        AS worker_failures,
-    (SELECT count(*) FROM attempts f WHERE f.job_id = j.id AND f.number > j.attempts_before_retry AND f.outcome = 'lost')
-        AS lost";
+pub(super) const JOB_COLUMNS: &str = concat!(
+    "j.id, j.state, j.cancelling, j.paused, j.attempt, j.failure_class, ",
+    attempts_with!("worker"),
+    " AS worker_failures, ",
+    attempts_with!("lost"),
+    " AS lost"
+);
+
+/// The columns of a [`ChargedAttempt`], of an attempt and its worker.
+pub(super) const CHARGED_COLUMNS: &str =
+    "a.claimed_at, w.last_seen_at, w.backend = 'cpu' AS on_cpu, w.threads, w.slots";
 
 pub(super) fn job_snapshot(row: &Row) -> Result<JobSnapshot, StoreError> {
     Ok(JobSnapshot {
@@ -31,6 +50,19 @@ pub(super) fn job_snapshot(row: &Row) -> Result<JobSnapshot, StoreError> {
         lost: row.number("lost")?,
         failure_class: row.parsed_opt("failure_class")?,
     })
+}
+
+/// What an attempt is charged by; none without a worker.
+pub(super) fn charged_attempt(row: &Row) -> Result<Option<ChargedAttempt>, StoreError> {
+    let Some(on_cpu) = row.column("on_cpu")? else { return Ok(None) };
+    let slots: Option<i64> = row.column("slots")?;
+    Ok(Some(ChargedAttempt {
+        claimed_at: row.moment("claimed_at")?,
+        last_seen_at: row.moment("last_seen_at")?,
+        on_cpu,
+        threads: row.number("threads")?,
+        slots: slots.and_then(|slots| u32::try_from(slots).ok()),
+    }))
 }
 
 /// An attempt, and the worker that writes to it.
@@ -47,6 +79,7 @@ pub(super) struct FencedAttempt {
     /// Provenance that results of the attempt must have.
     pub(super) provenance: Provenance,
     pub(super) fence: FenceState,
+    pub(super) charged: Option<ChargedAttempt>,
 }
 
 /// Checks writes to attempts, and answers in their order.
@@ -61,7 +94,7 @@ pub(super) async fn fence_attempts(
     let writes: Vec<_> = attempts.iter().map(|it| json!({"job": it.job, "attempt": it.attempt})).collect();
     let sql = format!(
         "SELECT CAST(write.key AS BIGINT) AS place, {JOB_COLUMNS}, j.scenario_digest, a.worker_id AS claimed_by, a.outcome,
-                w.solver_revision, w.backend, w.device
+                w.solver_revision, w.backend, w.device, {CHARGED_COLUMNS}
          FROM json_each(?) AS write CROSS JOIN jobs j ON j.id = write.value ->> 'job'
          LEFT JOIN attempts a ON a.job_id = j.id AND a.number = CAST(write.value ->> 'attempt' AS BIGINT)
          LEFT JOIN workers w ON w.id = a.worker_id"
@@ -81,7 +114,8 @@ pub(super) async fn fence_attempts(
                     backend: row.column("backend")?,
                     device: row.column("device")?,
                 };
-                Ok(FencedAttempt { provenance, fence: fence(&job, &attempt, worker), job })
+                let fence = fence(&job, &attempt, worker);
+                Ok(FencedAttempt { provenance, fence, job, charged: charged_attempt(row)? })
             }
         };
     }
@@ -116,11 +150,14 @@ pub(super) struct AttemptEnd<'a> {
     pub(super) filled_by: Option<FilledBy>,
     /// Threads and wall time of the run, by its result.
     pub(super) stated: Option<Stated>,
+    /// What it is charged by.
+    pub(super) charged: Option<ChargedAttempt>,
     pub(super) at: Timestamp,
 }
 
 impl AttemptEnd<'_> {
-    fn to_value(&self, core_ms: Option<i64>) -> Value {
+    fn to_value(&self) -> Value {
+        let core_ms = self.charged.map(|charged| core_ms(charged, self.stated, self.at));
         let (state, class) = match self.change {
             JobChange::Requeue { .. } => (JobState::Queued, None),
             JobChange::Succeed => (JobState::Succeeded, None),
@@ -145,40 +182,11 @@ pub(super) async fn end_attempts(tx: &mut Connection, endings: &[AttemptEnd<'_>]
     if endings.is_empty() {
         return Ok(());
     }
-    let counted = counted(tx, endings).await?;
-    let endings: Vec<_> =
-        endings.iter().zip(counted).map(|(ending, core_ms)| ending.to_value(core_ms)).collect();
+    let endings: Vec<_> = endings.iter().map(AttemptEnd::to_value).collect();
     let endings = to_json("endings", &endings)?;
     query(END).bind(&endings).bind(&endings).execute(&mut *tx).await?;
     Ok(())
 }
-
-/// The core time that ended attempts count in the budgets of their projects, in their order.
-async fn counted(tx: &mut Connection, endings: &[AttemptEnd<'_>]) -> Result<Vec<Option<i64>>, StoreError> {
-    let ended: Vec<_> = endings.iter().map(|it| json!({"job": it.job, "attempt": it.attempt})).collect();
-    let rows = query(CHARGED).bind(to_json("attempts", &ended)?).fetch_all(&mut *tx).await?;
-    let mut counted = vec![None; endings.len()];
-    for row in &rows {
-        let place = row.number::<u32>("place")? as usize;
-        let (Some(ending), Some(counted)) = (endings.get(place), counted.get_mut(place)) else { continue };
-        let attempt = ChargedAttempt {
-            claimed_at: row.moment("claimed_at")?,
-            last_seen_at: row.moment("last_seen_at")?,
-            on_cpu: row.column("on_cpu")?,
-            threads: row.number("threads")?,
-            slots: row.column::<Option<i64>>("slots")?.and_then(|slots| u32::try_from(slots).ok()),
-        };
-        *counted = Some(core_ms(attempt, ending.stated, ending.at));
-    }
-    Ok(counted)
-}
-
-/// The columns from which the core time of attempts is counted.
-pub(super) const CHARGED: &str = "
-    SELECT CAST(ended.key AS BIGINT) AS place, a.claimed_at, w.last_seen_at, w.backend = 'cpu' AS on_cpu, w.threads, w.slots
-    FROM json_each(?) AS ended
-    CROSS JOIN attempts a ON a.job_id = ended.value ->> 'job' AND a.number = CAST(ended.value ->> 'attempt' AS BIGINT)
-    CROSS JOIN workers w ON w.id = a.worker_id";
 
 pub(super) const END: &str = "
     UPDATE attempts SET outcome = e.value ->> 'outcome', message = e.value ->> 'message',
